@@ -1,0 +1,1 @@
+"""Robot model, reward terms, motion search, retiming, trajectories and their checks. Imports no other folder."""

@@ -1,0 +1,1 @@
+"""Messages, transport, driver and nodes between the stack and a robot cell, simulated or real."""

@@ -1,0 +1,25 @@
+"""Errors of perception.
+
+PerceptionError
+├── FrameError            a frame that cannot be used: wrong size, no valid depth, bad intrinsics
+├── ModelUnavailableError a detector or segmenter whose weights or packages are not on this machine
+└── UnknownPhraseError    a phrase that the chosen detector has no way to look for
+
+The other folders have `control.errors.StackError` as their root; `replan.errors` draws both together.
+"""
+
+
+class PerceptionError(Exception):
+    """Root of what perception raises; the message says what was wrong, what would be valid, what to do."""
+
+
+class FrameError(PerceptionError):
+    """A frame that cannot be used."""
+
+
+class ModelUnavailableError(PerceptionError):
+    """A model whose weights or packages are not on this machine."""
+
+
+class UnknownPhraseError(PerceptionError):
+    """A phrase that the detector cannot look for."""

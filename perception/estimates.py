@@ -1,0 +1,113 @@
+"""What perception believes: objects with poses. Needs numpy only."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+Shape = Literal["box", "cylinder", "sphere"]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Where in which picture an object was seen.
+
+    Attributes:
+        camera: Name of the camera.
+        box_px: (x0, y0, x1, y1) in [px], float, shape (4,).
+        mask: Pixels of the object, bool, shape (height, width).
+        depth_share: Share of the mask's pixels with valid depth, 0..1.
+        source: Which detector and which segmenter, for instance "colour-and-shape (OpenCV) + GrabCut-and-depth".
+    """
+
+    camera: str
+    box_px: np.ndarray
+    mask: np.ndarray
+    depth_share: float
+    source: str
+
+
+@dataclass(frozen=True)
+class ObjectEstimate:
+    """One named object as perceived.
+
+    Attributes:
+        name: Name in the scene, lower case with underscores, for instance "red_cube".
+        phrase: What the detector was asked for, for instance "red cube".
+        world_T_object: Pose of the object's box centre; z is up for boxes resting on something, shape (4, 4).
+        extents: Full sizes along the object's own axes in [m], shape (3,).
+        shape: Which solid was fitted. A sphere or an upright cylinder has no meaningful yaw.
+        position_std: Spread of the position estimate along the world's axes in [m], shape (3,).
+        yaw_std: Spread of the yaw in [rad]; infinite where yaw has no meaning.
+        score: Detector's confidence, 0..1.
+        stamp: Time of the frame in [s].
+        evidence: Pictures, one per camera that saw it.
+    """
+
+    name: str
+    phrase: str
+    world_T_object: np.ndarray
+    extents: np.ndarray
+    shape: Shape
+    position_std: np.ndarray
+    yaw_std: float
+    score: float
+    stamp: float
+    evidence: tuple[Evidence, ...] = ()
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre in the world in [m], shape (3,)."""
+        return self.world_T_object[:3, 3]
+
+    @property
+    def yaw(self) -> float:
+        """Rotation about the world's z in [rad], of the object's x axis."""
+        return float(np.arctan2(self.world_T_object[1, 0], self.world_T_object[0, 0]))
+
+    @property
+    def top(self) -> float:
+        """Height of the highest point in [m], for a box whose z is up."""
+        return float(self.world_T_object[2, 3] + self.extents[2] / 2)
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A name that was looked for and yielded no pose, and why.
+
+    Attributes:
+        name: Name in the scene.
+        reason: For instance "no box above the threshold" or "not enough depth (12 % of its pixels)".
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class SceneEstimate:
+    """Everything perceived at one time.
+
+    Attributes:
+        objects: One estimate per object seen.
+        unseen: Names that were looked for in vain.
+        support_height: Height of the table top in the world in [m].
+        stamp: Time of the newest frame used in [s].
+        source: Which detector and segmenter, for people to read.
+    """
+
+    objects: tuple[ObjectEstimate, ...]
+    unseen: tuple[Unseen, ...]
+    support_height: float
+    stamp: float
+    source: str
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the objects seen, in their order."""
+        return tuple(o.name for o in self.objects)
+
+    def get(self, name: str) -> ObjectEstimate | None:
+        """The object of this name, or None."""
+        return next((o for o in self.objects if o.name == name), None)

@@ -1,0 +1,1 @@
+"""The RePlan loop: planners, perceiver, verifier, reasoner backends and replanning memory."""

@@ -1,0 +1,1 @@
+"""One text template per prompt contract, and the table of the contracts."""

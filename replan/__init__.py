@@ -1,0 +1,1 @@
+"""The `replan` command: configuration, runs and their records, reports, benchmarks."""

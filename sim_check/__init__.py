@@ -1,0 +1,1 @@
+"""Object library, cells, the digital twin, verdicts and diagnosis in it, rendering."""
