@@ -1,0 +1,27 @@
+# Each target sets up everything that it needs (see scripts/setup.sh); a second call starts at once.
+GOAL ?= place the red cube on the crate
+CELL ?= cubes
+ARGS ?=
+# Through the environment, so that quotes in a goal reach the command as they were typed.
+export GOAL CELL
+MAKEFLAGS += --no-print-directory
+
+.PHONY: run test setup lint lock
+run: setup
+	@.venv/bin/replan run "$$GOAL" --cell "$$CELL" $(ARGS)
+
+test: setup lint
+	@OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile tests $(ARGS)
+
+setup:
+	@scripts/setup.sh
+
+lint: setup
+	@.venv/bin/ruff check .
+	@.venv/bin/ruff format --check .
+	@.venv/bin/pyright
+
+# Writes requirements.lock anew from pyproject.toml.
+lock: setup
+	@.tools/bin/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
+		--no-emit-index-url --no-header --no-annotate --upgrade -o requirements.lock pyproject.toml

@@ -1,0 +1,9 @@
+"""The command line: one small dataclass per command, light to import; the work is imported when it is run."""
+
+from replan.commands.bench import Bench
+from replan.commands.doctor import Doctor
+from replan.commands.perceive import Perceive
+from replan.commands.robot import Robot
+from replan.commands.run import Run
+
+COMMANDS = {"run": Run, "perceive": Perceive, "robot": Robot, "doctor": Doctor, "bench": Bench}

@@ -1,0 +1,54 @@
+"""`replan bench goals|poses|retime`: measurements, printed as a table or JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+if TYPE_CHECKING:
+    from replan.console import Console
+
+
+@dataclass(frozen=True)
+class BenchGoals:
+    """Whole runs over seeded placements, judged on the simulated cell's truth."""
+
+    runs: int = 20
+    """Runs of each goal, with seeds 0, 1, 2, ..."""
+    goals: tuple[str, ...] = ()
+    """Names of the goals to run; default all (an unknown name lists them)."""
+    speed: float = 0.0
+    """Pace of the simulated cells in times real time; 0 is as fast as they go."""
+    runs_dir: Path = Path("runs/bench")
+    """Where run folders are made."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the benchmark."""
+        from replan.bench_goals import bench_goals
+
+        report = bench_goals(self.runs, self.goals, self.speed, self.runs_dir, console.note)
+        console.result(report.as_json(), report.as_text())
+        return 0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure: whole goals in the simulated cell."""
+
+    name: tyro.conf.OmitSubcommandPrefixes[
+        tyro.conf.OmitArgPrefixes[Annotated[BenchGoals, tyro.conf.subcommand("goals")]]
+    ]
+
+    @property
+    def json(self) -> bool:
+        """Whether the chosen benchmark prints JSON."""
+        return self.name.json
+
+    def execute(self, console: Console) -> int:
+        """Run the chosen benchmark."""
+        return self.name.execute(console)

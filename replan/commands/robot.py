@@ -1,0 +1,90 @@
+"""`replan robot sim|acknowledge`: processes and acts on the robot's side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+if TYPE_CHECKING:
+    from replan.console import Console
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+@dataclass(frozen=True)
+class RobotSim:
+    """Start a simulated cell: a Panda, its gripper, its cameras and whatever stands there, in this process.
+
+    It speaks to others through the same messages as a real robot and runs until Ctrl-C.
+    """
+
+    cell: str = "cubes"
+    """Built-in cell or a cell file (YAML)."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on; may be repeated."""
+    seed: int = 0
+    """Seed of the placement of objects and of all noise."""
+    endpoint: str = DEFAULT_ENDPOINT
+    """Where to listen; loopback only by default."""
+    speed: float = 1.0
+    """Pace in times real time while moving; 0 is as fast as it goes."""
+    score: bool = False
+    """Also answer with true poses on the key `truth`, for scorers only (benchmarks)."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the ready line as JSON."""
+
+    def execute(self, console: Console) -> int:
+        """Run until told to stop."""
+        console.note(f"simulated cell {self.cell}, seed {self.seed}: building its world")
+        from replan.robot_sim import serve_simulated_cell
+
+        return serve_simulated_cell(self, console.note)
+
+
+@dataclass(frozen=True)
+class RobotAcknowledge:
+    """Say, after a stop or reflex, that you looked at the cell and that the robot may move again."""
+
+    robot: str = DEFAULT_ENDPOINT
+    """Endpoint of the robot process."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Send the acknowledgement."""
+        from hw_interface.client import CellClient
+
+        with CellClient.connect(self.robot) as client:
+            before = client.state()
+            client.acknowledge()
+            after = client.state()
+        console.result(
+            {"mode_before": before.mode, "mode": after.mode, "last_error": before.last_error},
+            f"robot was '{before.mode}'" + (f" ({before.last_error})" if before.last_error else "")
+            + f", is '{after.mode}' now",
+        )
+        return 0
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The robot's side: start a simulated cell, or acknowledge a stop."""
+
+    which: tyro.conf.OmitSubcommandPrefixes[
+        tyro.conf.OmitArgPrefixes[
+            Annotated[RobotSim, tyro.conf.subcommand("sim")]
+            | Annotated[RobotAcknowledge, tyro.conf.subcommand("acknowledge")]
+        ]
+    ]
+
+    @property
+    def json(self) -> bool:
+        """Whether the chosen command prints JSON."""
+        return self.which.json
+
+    def execute(self, console: Console) -> int:
+        """Run the chosen command."""
+        return self.which.execute(console)

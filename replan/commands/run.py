@@ -1,0 +1,77 @@
+"""`replan run GOAL`: the main job."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from replan.console import Console
+
+
+@dataclass(frozen=True)
+class Run:
+    """Reach a goal with a robot: look, plan, find a motion, judge it in the twin, play it, look again.
+
+    Without --robot it starts a simulated cell of its own and says so. Every run leaves a folder with its event
+    log, pictures and a video. Ctrl-C brings the arm to rest along its path.
+    """
+
+    goal: tyro.conf.Positional[str]
+    """What to reach, for instance "place the red cube on the crate"."""
+    cell: str = "cubes"
+    """Built-in cell (cubes, cubes-blocked, fruit-bowl) or a cell file (YAML)."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on, for instance lemon_in_bowl; may be repeated."""
+    robot: str | None = None
+    """Endpoint of a running robot process, for instance tcp/127.0.0.1:7447. Default: start a simulated cell."""
+    seed: int = 0
+    """Seed of planning, and of the simulated cell's placement when one is started."""
+    speed: float = 1.0
+    """Pace of the simulated cell that is started, in times real time; 0 is as fast as it goes."""
+    detector: str = "colour"
+    """`colour` (embedded), or a GroundingDINO model: local folder or hub name."""
+    segmenter: str = "grabcut"
+    """`grabcut` (embedded), or a SAM model: local folder or hub name."""
+    offline: bool = False
+    """Never ask a model hub; use local files only."""
+    reasoner: Literal["builtin"] = "builtin"
+    """Language backend; `builtin` is rules, without network."""
+    runs_dir: Path = Path("runs")
+    """Where run folders are made."""
+    video: bool = True
+    """Film the run from the twin's side (a second or two at the end)."""
+    acknowledge: bool = False
+    """Say that you looked at the cell after a stop or reflex, and that it may move again."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run it; returns the exit code."""
+        # Said before the heavy imports, so that a person sees at once what happens.
+        console.note(f'goal: "{self.goal}" in cell {self.cell}')
+        from replan.run_goal import RunOptions, run_goal
+
+        report = run_goal(
+            RunOptions(
+                goal=self.goal,
+                cell=self.cell,
+                cell_options=tuple(self.option),
+                robot=self.robot,
+                seed=self.seed,
+                speed=self.speed,
+                detector=self.detector,
+                segmenter=self.segmenter,
+                offline=self.offline,
+                reasoner=self.reasoner,
+                runs_dir=self.runs_dir,
+                video=self.video,
+                acknowledge=self.acknowledge,
+            ),
+            console.note,
+        )
+        console.result(report.as_json(), report.as_text())
+        return report.exit_code
