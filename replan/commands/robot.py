@@ -63,7 +63,8 @@ class RobotAcknowledge:
             after = client.state()
         console.result(
             {"mode_before": before.mode, "mode": after.mode, "last_error": before.last_error},
-            f"robot was '{before.mode}'" + (f" ({before.last_error})" if before.last_error else "")
+            f"robot was '{before.mode}'"
+            + (f" ({before.last_error})" if before.last_error else "")
             + f", is '{after.mode}' now",
         )
         return 0

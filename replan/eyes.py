@@ -1,0 +1,80 @@
+"""Eyes of a run: frames from the cell's cameras, perceived, with pictures of what was seen."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from perception.estimates import SceneEstimate
+from perception.pictures import overlay
+from replan.episode import Episode
+from replan.film import Film
+
+if TYPE_CHECKING:
+    from hw_interface.client import CellClient
+    from perception.pipeline import Perception
+
+
+class CameraEyes:
+    """Looks through every camera of the cell at once.
+
+    Args:
+        client: Connection to the cell.
+        perception: Detector, segmenter and geometry.
+        episode: Record of the run; gets one overlay picture per camera and look, and the raw frames.
+        film: Gets the first camera's overlay as a still.
+        say: Progress for people.
+    """
+
+    def __init__(
+        self,
+        client: "CellClient",
+        perception: "Perception",
+        episode: Episode,
+        film: Film,
+        say: Callable[[str], None],
+    ) -> None:
+        self._client = client
+        self._perception = perception
+        self._episode = episode
+        self._film = film
+        self._say = say
+
+    def look(self, names: Sequence[str]) -> SceneEstimate:
+        """Take fresh frames and find the named objects in them.
+
+        Raises:
+            PerceptionError: A frame cannot be used, or the detector cannot work at all.
+            RobotGoneError: The cell does not answer.
+        """
+        import cv2
+
+        frames = self._client.frames()
+        scene = self._perception.perceive(frames, names)
+        for k, frame in enumerate(frames):
+            picture = overlay(frame, scene)
+            path = self._episode.numbered(f"look_{frame.camera}", "png")
+            cv2.imwrite(str(path), picture[:, :, ::-1])
+            if k == 0:
+                self._film.stills.append((f"seen: {', '.join(scene.names) or 'nothing'}", picture))
+        self._episode.log(
+            "look",
+            cameras=[f.camera for f in frames],
+            source=scene.source,
+            stamp=scene.stamp,
+            seconds=scene.seconds,
+            objects=[
+                {
+                    "name": o.name,
+                    "position": o.position,
+                    "yaw": o.yaw,
+                    "extents": o.extents,
+                    "shape": o.shape,
+                    "position_std": o.position_std,
+                    "score": o.score,
+                }
+                for o in scene.objects
+            ],
+            unseen=scene.unseen,
+        )
+        unseen = "; ".join(f"{u.name}: {u.reason}" for u in scene.unseen)
+        self._say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))
+        return scene

@@ -1,0 +1,184 @@
+"""Hands of a run: from a reward spec to a motion that was judged in the twin and then played by the robot."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from control.certificate import Verdict
+from control.certify import issue_certificate, limits_hash
+from control.errors import RefusedError, RetimingError
+from control.failure import FailureCause
+from control.kinematics import ArmKinematics
+from control.limits import RobotLimits
+from control.motion_result import MotionPlan
+from control.motion_search import plan_motion
+from control.retime import retime
+from control.rewards import RewardSpec
+from control.robot import RobotModel
+from control.trajectory import Trajectory
+from control.twin_model import TwinModel
+from perception.estimates import SceneEstimate
+from planning.loop import AttemptResult
+from replan.episode import Episode
+from replan.film import FILM_RATE, Film
+from sim_check.cells import CellConfig
+from sim_check.diagnosis import diagnose
+from sim_check.render import render_twin
+from sim_check.twin import build_twin
+from sim_check.verdict import judge_trajectory
+
+if TYPE_CHECKING:
+    from hw_interface.client import CellClient
+
+MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
+
+
+class TwinCheckedHands:
+    """Plans in the twin, judges there, and sends the robot nothing that did not pass.
+
+    Args:
+        client: Connection to the robot's side.
+        cell: The cell file; never the simulated cell's truth.
+        limits: Published limits of the robot's profile.
+        seed: Of motion search and of the perturbed twins.
+        episode: Record of the run.
+        film: Gets a picture of the twin and of the cell while it moves.
+        filming: Whether to take pictures while the robot moves.
+        say: Progress for people.
+    """
+
+    def __init__(
+        self,
+        client: "CellClient",
+        cell: CellConfig,
+        limits: RobotLimits,
+        seed: int,
+        episode: Episode,
+        film: Film,
+        filming: bool,
+        say: Callable[[str], None],
+    ) -> None:
+        self._client = client
+        self._cell = cell
+        self._limits = limits
+        self._safety = cell.safety_limits()
+        self._rng = np.random.default_rng(seed)
+        self._episode = episode
+        self._film = film
+        self._filming = filming
+        self._say = say
+        self._robot = RobotModel.panda()
+        self._kinematics = ArmKinematics.from_urdf()
+        self._held: str | None = None
+        self.steps = 0  # simulated steps spent so far
+        self.trajectories_sent = 0
+
+    def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
+        """Try one subtask.
+
+        Args:
+            spec: What to achieve.
+            scene: What was seen last.
+
+        Returns:
+            Whether the motion was played to its end, or why not; the loop looks again and judges the result.
+
+        Raises:
+            RobotGoneError, StoppedError, KeyboardInterrupt: Not failures of a subtask but ends of the run.
+        """
+        state = self._client.state()
+        held = self._held if state.grasped else None
+        twin = build_twin(self._cell, scene, state.q_d, state.gripper_width, held)
+        plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics)
+        if isinstance(plan, FailureCause):
+            return self._failed(diagnose(twin, spec, plan))
+        self.steps += plan.stats.steps
+        self._say(f"motion: {plan.description} ({plan.stats.steps} steps, {plan.stats.seconds:.1f} s)")
+        self._episode.log("motion", description=plan.description, cost=plan.cost, stats=plan.stats)
+        judged = self._judge_first_that_passes(plan, twin, spec)
+        if isinstance(judged, FailureCause):
+            return self._failed(judged)
+        trajectory, verdict = judged
+        self._film.stills.append(("the twin, from what was seen", render_twin(twin)))
+        return self._play(trajectory, verdict, twin, spec)
+
+    def _judge_first_that_passes(
+        self, plan: MotionPlan, twin: TwinModel, spec: RewardSpec
+    ) -> tuple[Trajectory, Verdict] | FailureCause:
+        cause: FailureCause | None = None
+        for path in (plan.path, *plan.alternatives)[:MAX_PATHS_JUDGED]:
+            try:
+                trajectory = retime(path, self._robot, self._limits, self._safety)
+            except RetimingError as error:
+                self._episode.log("retiming_failed", reason=str(error))
+                cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")
+                continue
+            verdict = judge_trajectory(trajectory, twin, spec, self._safety, self._limits, self._rng)
+            self.steps += verdict.steps
+            self._episode.log("verdict", verdict=verdict, duration=trajectory.duration)
+            share = f"{verdict.successes}/{verdict.trials} perturbed twins"
+            if verdict.passed:
+                self._say(f"verdict: safe, {share}, {trajectory.duration:.1f} s long")
+                return trajectory, verdict
+            failed = verdict.failed_checks
+            why = (
+                "; ".join(f"{c.name} {c.worst:.3g} {c.unit} (limit {c.limit:.3g})" for c in failed[:3])
+                or f"it succeeded in only {share}"
+            )
+            self._say(f"verdict: refused, {why}")
+            cause = FailureCause(
+                "unsafe",
+                spec.primary.subject,
+                f"the motion was refused in the twin: {why}",
+                bodies=failed[0].bodies if failed else (),
+                check=failed[0].name if failed else "success_rate",
+            )
+        assert cause is not None  # a plan has at least one path
+        return cause
+
+    def _play(self, trajectory: Trajectory, verdict: Verdict, twin: TwinModel, spec: RewardSpec) -> AttemptResult:
+        certificate = issue_certificate(
+            trajectory,
+            verdict,
+            profile=self._limits.profile,
+            limits_hash=limits_hash(self._limits, self._safety),
+            scene_stamp=twin.scene_stamp,
+            now=self._client.state().stamp,
+        )
+        self._episode.log("certificate", certificate=certificate)
+        self._episode.log("trajectory", samples=len(trajectory.q), segments=trajectory.segments)
+        np.savez_compressed(
+            self._episode.numbered("trajectory", "npz"), q=trajectory.q, qd=trajectory.qd, qdd=trajectory.qdd
+        )
+        self._say(f"robot: moving for {trajectory.duration:.1f} s")
+        self.trajectories_sent += 1
+        try:
+            report = self._client.execute(trajectory, certificate, on_progress=self._on_progress)
+        except RefusedError as error:
+            self._episode.log("refused", code=error.code, reason=str(error))
+            return self._failed(FailureCause("refused_by_robot", spec.primary.subject, str(error), check=error.code))
+        self._episode.log("executed", report=report)
+        last_held = trajectory.segments[-1].held if trajectory.segments else None
+        self._held = last_held if report.final_state.grasped else None
+        if not report.completed:
+            kind = "lost_grasp" if "grasp" in report.reason else "tracking_error"
+            return self._failed(FailureCause(kind, spec.primary.subject, report.reason))
+        return AttemptResult(ok=True, cause=None)
+
+    def _on_progress(self, state) -> None:
+        """Film at FILM_RATE of robot time, whatever the pace of a simulated cell."""
+        if not self._filming:
+            return
+        wanted = int(state.progress * 1e-3 * FILM_RATE)
+        if wanted != self._last_filmed:
+            self._last_filmed = wanted
+            frame = self._client.frames(cameras=self._client.cameras()[:1])[0]
+            self._film.frames.append((f"{state.mode}, {state.progress * 1e-3:4.1f} s", np.array(frame.colour)))
+
+    _last_filmed = -1
+
+    def _failed(self, cause: FailureCause) -> AttemptResult:
+        self._episode.log("failure", cause=cause)
+        self._say(f"failed: {cause.kind}: {cause.message}")
+        return AttemptResult(ok=False, cause=cause)

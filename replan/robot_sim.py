@@ -1,0 +1,36 @@
+"""The process of a simulated cell: it alone knows the truth, and speaks only messages."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from replan.commands.robot import RobotSim
+
+
+def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int:
+    """Build the world of a cell and serve it until told to stop; returns the exit code.
+
+    Raises:
+        ConfigError: Unknown cell, port in use, no rendering.
+    """
+    from control.certify import limits_hash
+    from control.limits import panda_limits
+    from hw_interface.sim_cell import run_sim_cell
+    from sim_check.cells import load_cell
+    from sim_check.world import build_world
+
+    cell = load_cell(options.cell, dict.fromkeys(options.option, True))
+    world = build_world(cell, options.seed)
+    limits, safety = panda_limits(), cell.safety_limits()
+    say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
+    return run_sim_cell(
+        world,
+        endpoint=options.endpoint,
+        speed=options.speed,
+        cell_name=cell.name,
+        limits=limits,
+        safety=safety,
+        limits_hash=limits_hash(limits, safety),
+        score=options.score,
+        parent_pid=options.parent_pid,
+    )

@@ -1,0 +1,203 @@
+"""One run: everything between a typed goal and a judged result. Could be called from a notebook as well."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from control.errors import ConfigError, GoalError
+from replan.errors import DONE, NOT_REACHED
+
+if TYPE_CHECKING:
+    from hw_interface.client import CellClient
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a run is asked for; the fields are explained by `replan run --help`."""
+
+    goal: str
+    cell: str = "cubes"
+    cell_options: tuple[str, ...] = ()
+    robot: str | None = None
+    seed: int = 0
+    speed: float = 1.0
+    detector: str = "colour"
+    segmenter: str = "grabcut"
+    offline: bool = False
+    reasoner: str = "builtin"
+    runs_dir: Path = Path("runs")
+    video: bool = True
+    acknowledge: bool = False
+    score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """How a run ended.
+
+    Attributes:
+        reached: Whether the goal was reached, as judged on a fresh camera frame.
+        reason: One sentence for people.
+        seconds: Wall time from the goal to the end in [s], without starting a simulated cell.
+        steps: Simulated steps spent in the twin.
+        motions: Trajectories sent to the robot.
+        replans: How often a subtask or the plan was made anew.
+        reasoner, detector: Which backends answered and saw, plainly named.
+        folder: The run's folder.
+        exit_code: Of the command.
+    """
+
+    reached: bool
+    reason: str
+    seconds: float
+    steps: int
+    motions: int
+    replans: int
+    reasoner: str
+    detector: str
+    folder: Path
+    exit_code: int
+
+    def as_json(self) -> dict[str, Any]:
+        """As one JSON object."""
+        return {**asdict(self), "folder": str(self.folder), "seconds": round(self.seconds, 2)}
+
+    def as_text(self) -> str:
+        """For people."""
+        word = "reached" if self.reached else "NOT reached"
+        return (
+            f"goal {word}: {self.reason}\n"
+            f"  {self.motions} motions, {self.replans} replans, {self.seconds:.1f} s, {self.steps} simulated steps\n"
+            f"  reasoner: {self.reasoner}; perception: {self.detector}\n"
+            f"  record: {self.folder}"
+        )
+
+
+def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callable | None = None) -> RunReport:
+    """Reach a goal.
+
+    Args:
+        options: What to do, with which parts.
+        say: Progress for people, one line a call.
+        on_client: Called with the connected `CellClient` before and after the run ("before" or "after", client);
+            for scorers only.
+
+    Returns:
+        The report; the run's folder is complete when this returns or raises.
+
+    Raises:
+        GoalError, ConfigError: The goal or the configuration cannot be used; nothing moved.
+        RobotGoneError: The robot's process died or froze.
+        KeyboardInterrupt: After the arm has come to rest.
+    """
+    if not options.goal.strip():
+        raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
+    # Heavy imports happen here, after the first line of progress.
+    from control.limits import panda_limits
+    from hw_interface.client import CellClient
+    from perception.pipeline import perception_from_options
+    from planning.builtin import BuiltinReasoner
+    from replan.episode import Episode
+    from replan.eyes import CameraEyes
+    from replan.film import Film
+    from replan.hands import TwinCheckedHands
+    from sim_check.cells import load_cell
+
+    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True))
+    perception = perception_from_options(options.detector, options.segmenter, offline=options.offline)
+    reasoner = BuiltinReasoner()
+    episode = Episode.create(options.runs_dir, options.goal)
+    film = Film()
+    with ExitStack() as stack:
+        stack.callback(episode.close)
+        stack.callback(_write_film, film, episode, options.video, say)
+        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=panda_limits())
+        try:
+            endpoint = options.robot or stack.enter_context(_own_simulated_cell(options, say))
+            client: CellClient = stack.enter_context(CellClient.connect(endpoint))
+            _check_ready(client, options, cell.name)
+            if on_client:
+                on_client("before", client)
+            hands = TwinCheckedHands(client, cell, panda_limits(), options.seed, episode, film, options.video, say)
+            eyes = CameraEyes(client, perception, episode, film, say)
+            started = time.monotonic()
+            result = _plan_and_act(options, cell, reasoner, eyes, hands, episode, say)
+            seconds = time.monotonic() - started
+            if on_client:
+                on_client("after", client)
+        except BaseException as error:
+            episode.log("ended_early", error=type(error).__name__, reason=str(error))
+            raise
+        report = RunReport(
+            reached=result.reached,
+            reason=result.reason,
+            seconds=seconds,
+            steps=hands.steps,
+            motions=hands.trajectories_sent,
+            replans=result.replans,
+            reasoner=reasoner.name,
+            detector=perception.name,
+            folder=episode.folder,
+            exit_code=DONE if result.reached else NOT_REACHED,
+        )
+        episode.log("result", report=report)
+    return report
+
+
+def _plan_and_act(options, cell, reasoner, eyes, hands, episode, say):
+    from planning.loop import run_loop
+
+    return run_loop(
+        options.goal, reasoner=reasoner, eyes=eyes, hands=hands, known_names=cell.objects, log=episode.log, say=say
+    )
+
+
+def _check_ready(client: "CellClient", options: RunOptions, cell_name: str) -> None:
+    """Refuse to plan for a robot that stands elsewhere or that a person has not released."""
+    state = client.state()
+    if state.cell != cell_name:
+        raise ConfigError(
+            f"the robot's process serves cell '{state.cell}', but this run plans for '{cell_name}'; "
+            f"say --cell {state.cell}"
+        )
+    if state.mode in ("stopped", "reflex"):
+        if not options.acknowledge:
+            raise ConfigError(
+                f"the robot is '{state.mode}' ({state.last_error or 'stop requested'}); look at the cell, "
+                "then say --acknowledge"
+            )
+        client.acknowledge()
+
+
+@contextmanager
+def _own_simulated_cell(options: RunOptions, say: Callable[[str], None]) -> Iterator[str]:
+    """Start a simulated cell as a child process on a free port; ended with the run."""
+    from hw_interface.client import start_sim_process
+
+    say("no robot named: starting a simulated cell (nothing real moves)")
+    command = [sys.executable, "-m", "replan.main", "robot", "sim", "--cell", options.cell]
+    command += ["--seed", str(options.seed), "--speed", str(options.speed)]
+    for name in options.cell_options:
+        command += ["--option", name]
+    if options.score:
+        command.append("--score")
+    with start_sim_process(command) as process:
+        yield process.endpoint
+
+
+def _write_film(film, episode, wanted: bool, say: Callable[[str], None]) -> None:
+    if not wanted:
+        return
+    # A second Ctrl-C must not leave half a file.
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        film.write_strip(episode.folder / "strip.png")
+        film.write_video(episode.folder / "run.mp4")
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    say(f"pictures: {episode.folder / 'strip.png'}")
