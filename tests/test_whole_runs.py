@@ -1,0 +1,122 @@
+"""Whole runs in simulated cells of their own, as a user starts them, at the fastest pace."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.timeout(240)
+
+
+def start(tmp_path, goal, cell, *arguments, speed="0"):
+    """Start a run as a user would."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "replan.main", "run", goal, "--cell", cell, "--speed", speed, "--json", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    )
+
+
+def finish(process):
+    """Wait; returns (exit code, the JSON result, stderr)."""
+    out, err = process.communicate(timeout=200)
+    assert "Traceback" not in err, err
+    return process.returncode, json.loads(out) if out.strip() else {}, err
+
+
+def events(folder):
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+
+
+def only_run(tmp_path):
+    """The folder of the only run below."""
+    (folder,) = (tmp_path / "runs").iterdir()
+    return folder
+
+
+def wait_until_moving(process):
+    """Read progress until the robot moves; returns the lines read."""
+    lines = []
+    for line in process.stderr:
+        lines.append(line)
+        if "robot: moving" in line:
+            return lines
+    raise AssertionError("the run ended before the robot moved:\n" + "".join(lines))
+
+
+def child_of(pid):
+    """Process id of the simulated cell that a run started."""
+    children = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # a process may end while we look
+            # The fourth field is the parent; the second, the name in parentheses, may contain spaces.
+            if int(stat.read_text().rpartition(")")[2].split()[1]) == pid:
+                children.append(int(stat.parent.name))
+    (child,) = children
+    return child
+
+
+def test_a_typed_goal_moves_the_cube_and_leaves_its_evidence(tmp_path):
+    code, result, _ = finish(start(tmp_path, "place the red cube on the crate", "cubes"))
+    assert (code, result["reached"]) == (0, True), result
+    folder = only_run(tmp_path)
+    kinds = {e["event"] for e in events(folder)}
+    assert {"run", "look", "motion", "verdict", "certificate", "executed", "result"} <= kinds
+    assert (folder / "strip.png").stat().st_size > 10_000
+    assert (folder / "run.mp4").stat().st_size > 10_000
+    assert list(folder.glob("look_*.png"))
+
+
+def test_the_wrong_cube_on_the_crate_is_named_and_moved_first(tmp_path):
+    code, result, _ = finish(start(tmp_path, "place the red cube on the crate", "cubes-blocked", "--no-video"))
+    assert (code, result["reached"]) == (0, True), result
+    assert result["replans"] >= 1
+    causes = [e["cause"] for e in events(only_run(tmp_path)) if e["event"] == "failure"]
+    assert any(c["kind"] == "blocked_by" and "yellow_cube" in c["bodies"] for c in causes)
+
+
+def test_a_goal_about_something_absent_says_what_is_there_and_moves_nothing(tmp_path):
+    code, result, err = finish(start(tmp_path, "place the banana in the bowl", "fruit-bowl", "--no-video"))
+    assert code == 3
+    assert "banana" in result["reason"]
+    assert "bowl" in result["reason"]
+    assert result["motions"] == 0
+    assert "robot: moving" not in err
+
+
+def test_a_robot_process_that_is_killed_while_moving_is_noticed_within_a_second(tmp_path):
+    process = start(tmp_path, "place the red cube on the crate", "cubes", "--no-video", speed="1")
+    wait_until_moving(process)
+    time.sleep(0.5)
+    os.kill(child_of(process.pid), signal.SIGKILL)
+    killed = time.monotonic()
+    for line in process.stderr:
+        if line.startswith("replan: "):
+            break
+    else:
+        raise AssertionError("the run ended without a reason")
+    assert time.monotonic() - killed < 1.0
+    assert "robot" in line
+    process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert events(only_run(tmp_path))[-1]["event"] == "ended_early"
+
+
+def test_ctrl_c_brings_the_arm_to_rest_and_leaves_a_complete_record(tmp_path):
+    process = start(tmp_path, "place the red cube on the crate", "cubes", "--no-video", speed="1")
+    wait_until_moving(process)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    last = events(only_run(tmp_path))[-1]
+    assert (last["event"], last["error"]) == ("ended_early", "KeyboardInterrupt")
