@@ -1,0 +1,108 @@
+"""Depth pictures to points in the world: which depths to trust, back-projection, outliers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from perception.frames import CameraIntrinsics, RgbdFrame
+
+
+@dataclass(frozen=True)
+class StereoNoise:
+    """How far off the depth of a small stereo camera is.
+
+        sigma_z(z) = z^2 * disparity_std / (focal_px * baseline)
+
+    Defaults are those of a ZED Mini at 720p; neighbouring pixels share their error over about `patch_px` pixels
+    because stereo matching compares windows.
+
+    Attributes:
+        disparity_std: Spread of the disparity in [px].
+        focal_px: Focal length in [px].
+        baseline: Distance between the two eyes in [m].
+        patch_px: Number of neighbouring pixels that share one error.
+    """
+
+    disparity_std: float = 0.25
+    focal_px: float = 700.0
+    baseline: float = 0.063
+    patch_px: float = 100.0
+
+    def depth_std(self, depth: np.ndarray | float) -> np.ndarray | float:
+        """sigma_z in [m] at the given distance in [m]."""
+        return depth**2 * self.disparity_std / (self.focal_px * self.baseline)
+
+
+def depth_steps(depth: np.ndarray, valid: np.ndarray, step: float = 0.03, radius: int = 1) -> np.ndarray:
+    """Pixels beside a depth step, where stereo depth mixes front and back.
+
+    Args:
+        depth: In [m], shape (height, width).
+        valid: Where depth is known, bool, same shape.
+        step: Smallest step in [m].
+        radius: How far beside, in [px].
+
+    Returns:
+        bool, shape (height, width).
+    """
+    size = 2 * radius + 1
+    highest = ndimage.maximum_filter(np.where(valid, depth, -np.inf), size)
+    lowest = ndimage.minimum_filter(np.where(valid, depth, np.inf), size)
+    return valid & (highest - lowest > step)
+
+
+def back_project(depth: np.ndarray, pixels: np.ndarray, intrinsics: CameraIntrinsics) -> np.ndarray:
+    """Points in the camera's optical frame in [m], shape (n, 3).
+
+        p = ((u - cx) z / fx, (v - cy) z / fy, z)
+
+    Args:
+        depth: In [m], shape (height, width).
+        pixels: bool, shape (height, width); n of them are True. Their depth must be known.
+        intrinsics: Of the picture.
+    """
+    v, u = np.nonzero(pixels)
+    z = depth[v, u].astype(float)
+    x, y = (u - intrinsics.cx) * z / intrinsics.fx, (v - intrinsics.cy) * z / intrinsics.fy
+    return np.stack([x, y, z], -1)
+
+
+def to_world(points: np.ndarray, world_T_camera: np.ndarray) -> np.ndarray:
+    """Points of the camera's frame in the world, both in [m], shape (n, 3)."""
+    return points @ world_T_camera[:3, :3].T + world_T_camera[:3, 3]
+
+
+def world_points(frame: RgbdFrame, pixels: np.ndarray) -> np.ndarray:
+    """Points in the world in [m] of those of the given pixels whose depth is known, shape (n, 3), row by row."""
+    return to_world(back_project(frame.depth, pixels & frame.valid_depth, frame.intrinsics), frame.world_T_camera)
+
+
+def height_map(frame: RgbdFrame) -> np.ndarray:
+    """Height of every pixel above the world's z = 0 in [m], shape (height, width), NaN where depth is unknown."""
+    k, pose = frame.intrinsics, frame.world_T_camera
+    slope_u = pose[2, 0] * (np.arange(k.width) - k.cx) / k.fx
+    slope_v = pose[2, 1] * (np.arange(k.height) - k.cy) / k.fy
+    heights = frame.depth * (slope_u[None, :] + slope_v[:, None] + pose[2, 2]) + pose[2, 3]
+    return np.where(frame.valid_depth, heights, np.nan)
+
+
+def largest_cluster(points: np.ndarray, cell: float = 0.012) -> np.ndarray:
+    """Which points belong to the largest connected cluster, bool, shape (n,).
+
+    Two points are connected when their cells of a cubic grid of side `cell` [m] touch (26 neighbours).
+    """
+    if len(points) == 0:
+        return np.zeros(0, bool)
+    index = np.floor((points - points.min(0)) / cell).astype(int)
+    shape = index.max(0) + 1
+    if np.prod(shape.astype(float)) > 5e7:  # points all over the place: a grid would not fit into memory
+        near = np.linalg.norm(points - np.median(points, 0), axis=1) < 1.0
+        inside = np.zeros(len(points), bool)
+        inside[near] = largest_cluster(points[near], cell) if near.sum() < len(points) else True
+        return inside
+    grid = np.zeros(shape, bool)
+    grid[tuple(index.T)] = True
+    labels, count = ndimage.label(grid, np.ones((3, 3, 3)))
+    of_point = labels[tuple(index.T)]
+    return of_point == np.argmax(np.bincount(of_point, minlength=count + 1)[1:]) + 1

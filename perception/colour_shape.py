@@ -1,0 +1,165 @@
+"""Detection by colour and shape with OpenCV: no learned model, no weights, a few milliseconds a phrase.
+
+It knows the nouns and colours of `perception.looks` and nothing else; it tells things apart by hue, by round or
+angular outline and by size. Two things of the same look are told apart by nobody but their place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.cloud import depth_steps, height_map
+from perception.frames import RgbdFrame
+from perception.interfaces import Detection
+from perception.looks import CHROMATIC, Colour, Look, Query, parse_phrase
+from perception.outline import Outline, measure_outline
+from perception.support import estimate_support
+
+
+@dataclass(frozen=True)
+class ColourShapeSettings:
+    """Settings of the detector.
+
+    Attributes:
+        threshold: Lowest score of a box, 0..1.
+        min_area_px: Smallest blob in [px].
+        clearance: How far above the support a pixel must be to count as a thing in [m].
+        depth_step: Blobs are cut where depth jumps by more than this in [m].
+        bridge_px: Gaps up to this wide inside one thing (slats, shading lines) are closed in [px].
+    """
+
+    threshold: float = 0.35
+    min_area_px: int = 60
+    clearance: float = 0.006
+    depth_step: float = 0.04
+    bridge_px: int = 5
+
+
+class ColourShapeDetector:
+    """Finds phrases of colour words and known nouns.
+
+    Attributes:
+        settings: Thresholds.
+    """
+
+    def __init__(self, settings: ColourShapeSettings | None = None) -> None:
+        self.settings = settings or ColourShapeSettings()
+
+    @property
+    def name(self) -> str:
+        """Says that nothing was learned."""
+        return "colour-and-shape (OpenCV), not a learned model"
+
+    def detect(self, frame: RgbdFrame, phrases: Sequence[str]) -> list[Detection]:
+        """All blobs that look like one of the phrases, best first.
+
+        Raises:
+            UnknownPhraseError: A phrase without a known noun and without a colour word.
+        """
+        queries = [parse_phrase(phrase) for phrase in phrases]
+        hsv = _hsv(frame.colour)
+        things = self._above_support(frame)
+        found = [d for query in queries for d in self._find(frame, hsv, things, query)]
+        return sorted(found, key=lambda d: -d.score)
+
+    def _above_support(self, frame: RgbdFrame) -> np.ndarray:
+        """Pixels that may belong to a thing: above the support, or of unknown height. bool, (height, width)."""
+        heights = height_map(frame)
+        known = np.isfinite(heights)
+        if not known.any():
+            return np.ones(heights.shape, bool)
+        smooth = cv2.medianBlur(np.where(known, heights, 0.0).astype(np.float32), 5)
+        return ~known | (smooth > estimate_support(frame).height + self.settings.clearance)
+
+    def _find(self, frame: RgbdFrame, hsv: np.ndarray, things: np.ndarray, query: Query) -> list[Detection]:
+        found = []
+        steps = depth_steps(frame.depth, frame.valid_depth, self.settings.depth_step)
+        for colour in query.colours:
+            pixels = colour.matches(hsv) & things
+            for blob in self._blobs(pixels, steps):
+                score = self._score(frame, blob, query.look, colour)
+                if score >= self.settings.threshold:
+                    y, x = np.nonzero(blob)
+                    box = np.array([x.min(), y.min(), x.max() + 1, y.max() + 1], float)
+                    found.append(Detection(query.phrase, box, score, blob))
+        return found
+
+    def _blobs(self, pixels: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
+        """Connected pieces of a colour, cut at depth steps, each bool, shape (height, width)."""
+        size = self.settings.bridge_px
+        whole = cv2.morphologyEx(pixels.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        # Cut first, close afterwards: closing must not join two things across the step between them.
+        core = whole & ~steps
+        core = cv2.morphologyEx(core, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(core, connectivity=8)
+        blobs = []
+        for i in range(1, count):
+            if stats[i, cv2.CC_STAT_AREA] < self.settings.min_area_px:
+                continue
+            # The pixels beside a step go back to the piece that they touch.
+            grown = cv2.dilate((labels == i).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+            blob = grown & (whole > 0) & ((labels == i) | (labels == 0))
+            if blob.sum() >= self.settings.min_area_px:
+                blobs.append(blob)
+        return blobs
+
+    def _score(self, frame: RgbdFrame, blob: np.ndarray, look: Look, colour: Colour) -> float:
+        """How much a blob looks like the noun, 0..1: product of filling, outline and size."""
+        known = frame.valid_depth
+        depth = np.where(known, frame.depth, np.nan)
+        outline = measure_outline(blob, depth if known.any() else None)
+        if outline is None:
+            return 0.0
+        score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
+        near = blob & known
+        if near.sum() >= 20:
+            distance = float(np.median(frame.depth[near]))
+            score *= _size_score(outline, look, outline.long_px * distance / frame.intrinsics.fx)
+        if colour.word not in CHROMATIC and not _stands_on_something(blob, depth):
+            return 0.0  # links of a white, grey or black arm hang in the air
+        return float(score)
+
+
+def _hsv(colour: np.ndarray) -> np.ndarray:
+    """Hue in [degrees], saturation and value 0..1 of an RGB picture, float32, shape (height, width, 3)."""
+    smooth = cv2.medianBlur(np.ascontiguousarray(colour), 3)
+    return cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_RGB2HSV)
+
+
+def _outline_score(outline: Outline, look: Look) -> float:
+    if look.outline == "round":
+        return outline.roundness if outline.aspect < 2.6 else 0.0
+    if look.outline == "angular":
+        return (1.0 - outline.roundness) * float(np.clip((4.5 - outline.aspect) / 1.5, 0.0, 1.0))
+    if look.outline == "elongated":
+        return float(np.clip((outline.aspect - 1.7) / 0.8, 0.0, 1.0))
+    return 1.0
+
+
+def _size_score(outline: Outline, look: Look, long_side: float) -> float:
+    """1 within the noun's sizes, falling to 0 outside; a box seen over its corner shows up to 1.7 of its side.
+
+    Args:
+        outline: Of the blob; where part of it is hidden it may look smaller than it is.
+        look: Of the noun.
+        long_side: Longest visible side in [m].
+    """
+    low, high = look.size
+    high *= 1.2 if look.outline == "round" else 1.7
+    low *= max(0.3, outline.free)
+    if long_side < low:
+        return float(np.clip((long_side / low - 0.6) / 0.3, 0.0, 1.0))
+    return float(np.clip((1.5 - long_side / high) / 0.4, 0.0, 1.0))
+
+
+def _stands_on_something(blob: np.ndarray, depth: np.ndarray, below_px: int = 4, step: float = 0.04) -> bool:
+    """Whether depth goes on without a step at the lower edge of a blob."""
+    height = blob.shape[0]
+    columns = np.nonzero(blob.any(0))[0]
+    lowest = height - 1 - np.argmax(blob[::-1, columns], axis=0)
+    inside, outside = np.clip(lowest - 2, 0, None), np.clip(lowest + below_px, None, height - 1)
+    gap = np.abs(depth[outside, columns] - depth[inside, columns])
+    middle = gap[len(gap) // 4 : max(len(gap) // 4 + 1, 3 * len(gap) // 4)]
+    return bool(np.isfinite(middle).any() and np.nanmedian(middle) < step)

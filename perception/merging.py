@@ -1,0 +1,71 @@
+"""One object seen by several cameras is one object: estimates merged by the weight of their spread."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from perception.estimates import ObjectEstimate
+
+
+def agree(a: ObjectEstimate, b: ObjectEstimate, gate: float = 0.03) -> bool:
+    """Whether two estimates may be one object: centres within `gate` [m] and three spreads of each other."""
+    allowed = gate + 3.0 * np.hypot(np.linalg.norm(a.position_std), np.linalg.norm(b.position_std))
+    return bool(np.linalg.norm(a.position - b.position) <= allowed)
+
+
+def turned_like(estimate: ObjectEstimate, yaw: float) -> ObjectEstimate:
+    """The same upright box with the yaw nearest to `yaw` [rad] among its four quarter turns, sides swapped to fit."""
+    if estimate.shape != "box":
+        return estimate
+    quarters = round((yaw - estimate.yaw) / (np.pi / 2))
+    if quarters % 4 == 0:
+        return estimate
+    angle = quarters * np.pi / 2
+    c, s = np.round(np.cos(angle)), np.round(np.sin(angle))
+    pose = estimate.world_T_object.copy()
+    pose[:3, :3] = pose[:3, :3] @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    x, y, z = estimate.extents
+    extents = np.array([y, x, z]) if quarters % 2 else estimate.extents
+    spread = estimate.position_std
+    return replace(estimate, world_T_object=pose, extents=extents, position_std=spread)
+
+
+def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
+    """Merge estimates of one object from several cameras; each axis by 1 / variance.
+
+    Those that do not agree with the one of smallest spread are another thing of the same look, or a mistake; they are
+    left out. Evidence is kept of those merged.
+
+    Args:
+        estimates: At least one, all of one name.
+    """
+    ranked = sorted(estimates, key=lambda e: float(np.linalg.norm(e.position_std)))
+    best = ranked[0]
+    same = [best, *(turned_like(e, best.yaw) for e in ranked[1:] if e.shape == best.shape and agree(best, e))]
+    if len(same) == 1:
+        return best
+    variance = np.array([e.position_std**2 for e in same])
+    weight = 1.0 / variance
+    position = (np.array([e.position for e in same]) * weight).sum(0) / weight.sum(0)
+    total = weight.sum(1) / weight.sum()
+    extents = (np.array([e.extents for e in same]) * total[:, None]).sum(0)
+    pose = np.eye(4)
+    yaw_std = best.yaw_std
+    if best.shape == "box":
+        yaws = np.array([best.yaw + np.angle(np.exp(1j * (e.yaw - best.yaw))) for e in same])
+        yaw_weight = 1.0 / np.array([e.yaw_std**2 for e in same])
+        yaw = float((yaws * yaw_weight).sum() / yaw_weight.sum())
+        yaw_std = float(1.0 / np.sqrt(yaw_weight.sum()))
+        pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    pose[:3, 3] = position
+    return replace(
+        best,
+        world_T_object=pose,
+        extents=extents,
+        position_std=1.0 / np.sqrt(weight.sum(0)),
+        yaw_std=yaw_std,
+        score=max(e.score for e in same),
+        stamp=max(e.stamp for e in same),
+        evidence=tuple(item for e in same for item in e.evidence),
+    )

@@ -1,0 +1,126 @@
+"""Round or angular: what the outline of a blob says about the thing behind it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Measures of one blob's outline.
+
+    Attributes:
+        roundness: 1 where an ellipse explains the free outline much better than a hexagon, 0 the other way round.
+        aspect: Long side by short side of the smallest rectangle around it, >= 1.
+        long_px: Long side of that rectangle in [px].
+        fill: Share of the convex hull that the blob covers, 0..1.
+        free: Share of the outline that is the thing's own: neither cut by the picture nor hidden by something nearer.
+    """
+
+    roundness: float
+    aspect: float
+    long_px: float
+    fill: float
+    free: float
+
+
+def own_outline(contour: np.ndarray, blob: np.ndarray, depth: np.ndarray | None, nearer: float) -> np.ndarray:
+    """Which contour points are the thing's own edge, bool, shape (n,).
+
+    A point is not when it lies at the picture's border or when the pixel 3 px further out is nearer by `nearer` [m].
+    """
+    height, width = blob.shape
+    x, y = contour[:, 0], contour[:, 1]
+    own = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
+    if depth is None:
+        return own
+    centre = contour.mean(0)
+    away = contour - centre
+    away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
+    limits = np.array([width - 1, height - 1])
+    outer = np.clip(np.round(contour + 3.0 * away).astype(int), 0, limits)
+    inner = np.clip(np.round(contour - 3.0 * away).astype(int), 0, limits)
+    d_out, d_in = depth[outer[:, 1], outer[:, 0]], depth[inner[:, 1], inner[:, 0]]
+    hidden = np.isfinite(d_out) & np.isfinite(d_in) & (d_out < d_in - nearer) & ~blob[outer[:, 1], outer[:, 0]]
+    return own & ~hidden
+
+
+def _ellipse_residual(points: np.ndarray) -> float:
+    """RMS distance of points to their own least-squares ellipse in [px], along rays from its centre."""
+    (cx, cy), (full_a, full_b), angle = cv2.fitEllipse(points.astype(np.float32).reshape(-1, 1, 2))
+    if not (np.isfinite([cx, cy, full_a, full_b]).all() and min(full_a, full_b) > 1.0):
+        return np.inf
+    if max(full_a, full_b) > 4.0 * float(np.ptp(points, axis=0).max()):
+        return np.inf  # a nearly straight piece of outline: no ellipse worth the name
+    t = np.radians(angle)
+    d = points - (cx, cy)
+    along = (d[:, 0] * np.cos(t) + d[:, 1] * np.sin(t)) / (full_a / 2)
+    across = (-d[:, 0] * np.sin(t) + d[:, 1] * np.cos(t)) / (full_b / 2)
+    ratio = np.hypot(along, across)
+    radius = np.linalg.norm(d, axis=1)
+    off = radius * (1.0 - 1.0 / np.maximum(ratio, 1e-6))
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def _polygon_residual(points: np.ndarray, hull: np.ndarray, sides: int = 6) -> float:
+    """RMS distance of points to the smallest polygon of `sides` sides around the hull in [px], its offset removed.
+
+    A box shows at most six edges from anywhere.
+    """
+    if len(hull) > sides:
+        polygon = cv2.approxPolyN(hull.reshape(-1, 1, 2).astype(np.int32), sides).reshape(-1, 2).astype(float)
+    else:
+        polygon = hull.reshape(-1, 2).astype(float)
+    start, edge = polygon, np.roll(polygon, -1, 0) - polygon
+    length2 = np.maximum((edge**2).sum(1), 1e-9)
+    along = np.clip(((points[:, None] - start) * edge).sum(-1) / length2, 0.0, 1.0)
+    distance = np.linalg.norm(points[:, None] - (start + along[..., None] * edge), axis=-1).min(1)
+    return float(np.sqrt(np.mean(distance**2)))
+
+
+def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: float = 0.012) -> Outline | None:
+    """Measure a blob's outline; None for blobs of fewer than 12 outline points.
+
+    Args:
+        blob: bool, shape (height, width), one piece.
+        depth: In [m], NaN where unknown, same shape; None to treat no part of the outline as hidden.
+        nearer: By how much something in front has to be nearer in [m].
+    """
+    contours, _ = cv2.findContours(blob.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return None
+    contour = max(contours, key=len).reshape(-1, 2)
+    if len(contour) < 12:
+        return None
+    hull = cv2.convexHull(contour.reshape(-1, 1, 2)).reshape(-1, 2)
+    (_, _), sides, _ = cv2.minAreaRect(hull.reshape(-1, 1, 2))
+    long_px, short_px = max(sides) + 1.0, min(sides) + 1.0
+    hull_area = float(cv2.contourArea(hull.reshape(-1, 1, 2).astype(np.float32))) + len(contour) / 2
+    own = own_outline(contour, blob, depth, nearer)
+    # Dents of the outline (a stem, a missing pixel) belong to neither an ellipse nor a box: keep what is on the hull.
+    off_hull = np.array([cv2.pointPolygonTest(hull.reshape(-1, 1, 2), (float(x), float(y)), True) for x, y in contour])
+    free = contour[own & (off_hull < max(1.5, 0.04 * short_px))].astype(float)
+    if len(free) < 12:
+        return Outline(0.5, long_px / short_px, long_px, min(1.0, blob.sum() / hull_area), float(own.mean()))
+    ellipse, polygon = _ellipse_residual(free), _polygon_residual(free, hull)
+    # Half a pixel of grid noise on both sides keeps tiny blobs undecided instead of sure.
+    ratio = (polygon + 0.15) / (polygon + ellipse + 0.3) if np.isfinite(ellipse) else 0.0
+    roundness = float(np.clip((ratio - 0.35) / 0.30, 0.0, 1.0))
+    fill = min(1.0, float(blob.sum()) / hull_area)
+    return Outline(roundness, long_px / short_px, long_px, fill, float(own.mean()))
+
+
+def own_outline_share(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.015) -> float:
+    """Share of a mask's outline that is the thing's own edge, 0..1: not cut by the picture, not hidden.
+
+    Args:
+        mask: bool, shape (height, width).
+        depth: In [m], NaN where unknown, same shape.
+        nearer: By how much something in front has to be nearer in [m].
+    """
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return 0.0
+    contour = max(contours, key=len).reshape(-1, 2)
+    return float(own_outline(contour, mask, depth, nearer).mean())

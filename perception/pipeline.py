@@ -1,0 +1,194 @@
+"""Frames and names in, scene estimate out: detect, suppress, segment, lift to points, fit, merge cameras."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.errors import FrameError
+from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
+from perception.frames import RgbdFrame
+from perception.interfaces import Detection, Detector, Segmenter
+from perception.looks import solid_for
+from perception.merging import merge
+from perception.nms import suppress
+from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud, spread
+from perception.solids import Solid
+from perception.support import SupportPlane, estimate_support
+
+STAGES = ("detect", "segment", "pose", "merge")
+
+
+@dataclass(frozen=True)
+class _View:
+    """What one camera gave: estimates by name, reasons by name, and the support."""
+
+    found: dict[str, ObjectEstimate]
+    missing: dict[str, str]
+    support: SupportPlane
+
+
+@dataclass(frozen=True)
+class Perception:
+    """A detector and a segmenter put to use.
+
+    Attributes:
+        detector: Draws boxes for phrases.
+        segmenter: Turns boxes into masks.
+        settings: Of the pose estimate.
+    """
+
+    detector: Detector
+    segmenter: Segmenter
+    settings: PoseSettings = field(default_factory=PoseSettings)
+
+    @property
+    def source(self) -> str:
+        """Detector and segmenter, for people to read."""
+        return f"{self.detector.name} + {self.segmenter.name}"
+
+    def perceive(self, frames: Sequence[RgbdFrame], names: Sequence[str]) -> SceneEstimate:
+        """Look for named things in pictures of one moment, taken by one or several cameras.
+
+        Args:
+            frames: At least one; each with `world_T_camera` in one common world whose z is up.
+            names: Names such as "red_cube"; the phrase that is looked for is the name with spaces.
+
+        Returns:
+            One estimate per name that was seen (things seen by several cameras are merged), the others with reasons.
+
+        Raises:
+            FrameError: No frame, or a frame without any depth.
+            UnknownPhraseError: A name that the detector has no way to look for.
+            ModelUnavailableError: The detector's or segmenter's weights are not on this machine.
+        """
+        if not frames:
+            raise FrameError("there is no frame to look at; pass at least one RgbdFrame")
+        for frame in frames:
+            if not frame.valid_depth.any():
+                raise FrameError(
+                    f"the frame of camera '{frame.camera}' at {frame.stamp:.3f} s has no valid depth at all; "
+                    "check that the camera delivers depth in metres (NaN or 0 where unknown) and take another frame"
+                )
+        wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
+        seconds = dict.fromkeys(STAGES, 0.0)
+        views = [self._look(frame, wanted, seconds) for frame in frames]
+        started = time.perf_counter()
+        objects, unseen = [], []
+        for name in wanted:
+            seen = [view.found[name] for view in views if name in view.found]
+            if seen:
+                objects.append(merge(seen))
+            else:
+                unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
+        supports = [v.support.height for v in views if v.support.seen] or [0.0]
+        seconds["merge"] += time.perf_counter() - started
+        return SceneEstimate(
+            objects=tuple(objects),
+            unseen=tuple(unseen),
+            support_height=float(np.median(supports)),
+            stamp=max(frame.stamp for frame in frames),
+            source=self.source,
+            seconds=seconds,
+        )
+
+    def _look(self, frame: RgbdFrame, names: tuple[str, ...], seconds: dict[str, float]) -> _View:
+        """Everything one camera can say; adds the time spent to `seconds`."""
+        clock = time.perf_counter()
+        phrases = {name.replace("_", " "): name for name in names}
+        boxes = suppress(self.detector.detect(frame, tuple(phrases))) if phrases else []
+        best: dict[str, Detection] = {}
+        for box in boxes:
+            best.setdefault(phrases[box.phrase], box)
+        seconds["detect"] += time.perf_counter() - clock
+
+        clock = time.perf_counter()
+        masks = {n: self.segmenter.segment(frame, box.box_px, box.seed) for n, box in best.items()}
+        _give_shared_pixels_to_the_smaller(masks)
+        seconds["segment"] += time.perf_counter() - clock
+
+        clock = time.perf_counter()
+        support = estimate_support(frame)
+        missing = dict.fromkeys(names, "no box above the threshold")
+        clouds: dict[str, MaskedCloud] = {}
+        for name, mask in masks.items():
+            cloud = masked_cloud(frame, mask, support, self.settings)
+            if isinstance(cloud, str):
+                missing[name] = cloud
+            else:
+                clouds[name] = cloud
+        found: dict[str, ObjectEstimate] = {}
+        solids: list[Solid] = []
+        # From the lowest upwards, so that what carries a thing is known before the thing.
+        for name in sorted(clouds, key=lambda n: clouds[n].lowest):
+            cloud = clouds[name]
+            solid = fit_solid(cloud, solid_for(best[name].phrase), support, solids)
+            solids.append(solid)
+            found[name] = self._estimate(frame, name, best[name], cloud, solid)
+        seconds["pose"] += time.perf_counter() - clock
+        return _View(found, missing, support)
+
+    def _estimate(
+        self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, solid: Solid
+    ) -> ObjectEstimate:
+        position_std, yaw_std = spread(cloud, solid, frame, self.settings.noise)
+        evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, self.source)
+        return ObjectEstimate(
+            name=name,
+            phrase=box.phrase,
+            world_T_object=solid.pose,
+            extents=solid.extents,
+            shape=solid.shape,
+            position_std=position_std,
+            yaw_std=yaw_std,
+            score=float(np.clip(box.score, 0.0, 1.0)),
+            stamp=frame.stamp,
+            evidence=(evidence,),
+        )
+
+
+def _give_shared_pixels_to_the_smaller(masks: dict[str, np.ndarray]) -> None:
+    """Pixels that two masks claim go to the smaller mask: what stands on or in a thing hides it, not the reverse."""
+    taken: np.ndarray | None = None
+    for name in sorted(masks, key=lambda n: int(masks[n].sum())):
+        if taken is None:
+            taken = np.zeros_like(masks[name])
+        masks[name] = masks[name] & ~taken
+        taken = taken | masks[name]
+
+
+def default_perception() -> Perception:
+    """The embedded defaults: OpenCV only, no weights, no network."""
+    from perception.colour_shape import ColourShapeDetector
+    from perception.grabcut import GrabCutSegmenter
+
+    return Perception(ColourShapeDetector(), GrabCutSegmenter())
+
+
+def perception_from_options(
+    detector: str = "colour-shape", segmenter: str = "grabcut", offline: bool = False
+) -> Perception:
+    """Perception from two words or model names.
+
+    Args:
+        detector: "colour-shape", or a folder or hub name of a model for zero-shot detection such as
+            "IDEA-Research/grounding-dino-tiny".
+        segmenter: "grabcut", or a folder or hub name of a SAM or SAM 2 such as "facebook/sam-vit-base".
+        offline: Never ask the hub; only folders and what earlier downloads left on this machine.
+
+    Raises:
+        ModelUnavailableError: Weights or packages are not on this machine; says the command that fetches them.
+    """
+    embedded = default_perception()
+    chosen_detector: Detector = embedded.detector
+    chosen_segmenter: Segmenter = embedded.segmenter
+    if detector != "colour-shape":
+        from perception.hf_models import TransformersDetector
+
+        chosen_detector = TransformersDetector(detector, offline=offline)
+    if segmenter != "grabcut":
+        from perception.hf_models import TransformersSegmenter
+
+        chosen_segmenter = TransformersSegmenter(segmenter, offline=offline)
+    return Perception(chosen_detector, chosen_segmenter)
