@@ -14,24 +14,22 @@ class StereoNoise:
 
         sigma_z(z) = z^2 * disparity_std / (focal_px * baseline)
 
-    Defaults are those of a ZED Mini at 720p; neighbouring pixels share their error over about `patch_px` pixels
-    because stereo matching compares windows.
+    Defaults are those of a ZED Mini; neighbouring pixels share their error over about `patch_px` pixels because stereo
+    matching compares windows.
 
     Attributes:
         disparity_std: Spread of the disparity in [px].
-        focal_px: Focal length in [px].
         baseline: Distance between the two eyes in [m].
         patch_px: Number of neighbouring pixels that share one error.
     """
 
     disparity_std: float = 0.25
-    focal_px: float = 700.0
     baseline: float = 0.063
     patch_px: float = 100.0
 
-    def depth_std(self, depth: np.ndarray | float) -> np.ndarray | float:
-        """sigma_z in [m] at the given distance in [m]."""
-        return depth**2 * self.disparity_std / (self.focal_px * self.baseline)
+    def depth_std(self, depth: float, focal_px: float) -> float:
+        """sigma_z in [m] at the given distance in [m] through a lens of the given focal length in [px]."""
+        return depth**2 * self.disparity_std / (focal_px * self.baseline)
 
 
 def depth_steps(depth: np.ndarray, valid: np.ndarray, step: float = 0.03, radius: int = 1) -> np.ndarray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.cloud import depth_steps, height_map
+from perception.cloud import StereoNoise, depth_steps, height_map
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection
 from perception.looks import CHROMATIC, Colour, Look, Query, parse_phrase
@@ -59,27 +59,15 @@ class ColourShapeDetector:
             UnknownPhraseError: A phrase without a known noun and without a colour word.
         """
         queries = [parse_phrase(phrase) for phrase in phrases]
-        hsv = _hsv(frame.colour)
-        things = self._above_support(frame)
-        found = [d for query in queries for d in self._find(frame, hsv, things, query)]
+        picture = _Picture.of(frame, self.settings)
+        found = [d for query in queries for d in self._find(picture, query)]
         return sorted(found, key=lambda d: -d.score)
 
-    def _above_support(self, frame: RgbdFrame) -> np.ndarray:
-        """Pixels that may belong to a thing: above the support, or of unknown height. bool, (height, width)."""
-        heights = height_map(frame)
-        known = np.isfinite(heights)
-        if not known.any():
-            return np.ones(heights.shape, bool)
-        smooth = cv2.medianBlur(np.where(known, heights, 0.0).astype(np.float32), 5)
-        return ~known | (smooth > estimate_support(frame).height + self.settings.clearance)
-
-    def _find(self, frame: RgbdFrame, hsv: np.ndarray, things: np.ndarray, query: Query) -> list[Detection]:
+    def _find(self, picture: "_Picture", query: Query) -> list[Detection]:
         found = []
-        steps = depth_steps(frame.depth, frame.valid_depth, self.settings.depth_step)
         for colour in query.colours:
-            pixels = colour.matches(hsv) & things
-            for blob in self._blobs(pixels, steps):
-                score = self._score(frame, blob, query.look, colour)
+            for blob in self._blobs(colour.matches(picture.hsv) & picture.things, picture.steps):
+                score = self._score(picture, blob, query.look, colour)
                 if score >= self.settings.threshold:
                     y, x = np.nonzero(blob)
                     box = np.array([x.min(), y.min(), x.max() + 1, y.max() + 1], float)
@@ -105,21 +93,64 @@ class ColourShapeDetector:
                 blobs.append(blob)
         return blobs
 
-    def _score(self, frame: RgbdFrame, blob: np.ndarray, look: Look, colour: Colour) -> float:
+    def _score(self, picture: "_Picture", blob: np.ndarray, look: Look, colour: Colour) -> float:
         """How much a blob looks like the noun, 0..1: product of filling, outline and size."""
-        known = frame.valid_depth
-        depth = np.where(known, frame.depth, np.nan)
-        outline = measure_outline(blob, depth if known.any() else None)
+        outline = measure_outline(blob, picture.depth)
         if outline is None:
             return 0.0
         score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
-        near = blob & known
-        if near.sum() >= 20:
-            distance = float(np.median(frame.depth[near]))
-            score *= _size_score(outline, look, outline.long_px * distance / frame.intrinsics.fx)
-        if colour.word not in CHROMATIC and not _stands_on_something(blob, depth):
-            return 0.0  # links of a white, grey or black arm hang in the air
-        return float(score)
+        known = blob & np.isfinite(picture.depth)
+        if known.sum() >= 20:
+            distance = float(np.median(picture.depth[known]))
+            score *= _size_score(outline, look, outline.long_px * distance / picture.focal_px)
+        if colour.word in CHROMATIC:
+            return score
+        # Links of a white, grey or black arm hang in the air; specks of a white table are noise of its height.
+        stands = _stands_on_something(blob, picture.depth)
+        return score if stands and self._rises(picture, known) else 0.0
+
+    def _rises(self, picture: "_Picture", known: np.ndarray) -> bool:
+        """Whether the known depths of a blob lie above the support by more than the noise of stereo depth."""
+        if known.sum() < 20:
+            return False
+        noise = StereoNoise().depth_std(float(np.median(picture.depth[known])), picture.focal_px)
+        return bool(np.median(picture.heights[known]) > self.settings.clearance + 2.0 * noise)
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """What is computed once per frame.
+
+    Attributes:
+        hsv: Hue in [degrees], saturation and value 0..1, shape (height, width, 3).
+        depth: In [m], NaN where unknown, shape (height, width).
+        heights: Above the support in [m], NaN where unknown, shape (height, width).
+        things: Pixels that may belong to a thing: above the support, or of unknown height, bool, same shape.
+        steps: Pixels beside a depth step, bool, same shape.
+        focal_px: In [px].
+    """
+
+    hsv: np.ndarray
+    depth: np.ndarray
+    heights: np.ndarray
+    things: np.ndarray
+    steps: np.ndarray
+    focal_px: float
+
+    @classmethod
+    def of(cls, frame: RgbdFrame, settings: ColourShapeSettings) -> "_Picture":
+        valid = frame.valid_depth
+        heights = height_map(frame) - estimate_support(frame).height
+        # A median over 5 x 5 pixels tells a thing from the noise of the table beside it.
+        smooth = cv2.medianBlur(np.where(valid, heights, 0.0).astype(np.float32), 5)
+        return cls(
+            _hsv(frame.colour),
+            np.where(valid, frame.depth, np.nan),
+            heights,
+            ~valid | (smooth > settings.clearance),
+            depth_steps(frame.depth, valid, settings.depth_step),
+            frame.intrinsics.fx,
+        )
 
 
 def _hsv(colour: np.ndarray) -> np.ndarray:

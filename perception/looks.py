@@ -97,8 +97,8 @@ LOOKS: dict[str, Look] = {
         Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere"),
         Look("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
         Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
-        Look("bowl", ("blue", "white", "cyan", "green", "orange", "grey"), "round", (0.08, 0.32), "cylinder"),
-        Look("plate", ("blue", "white", "cyan", "green", "grey"), "round", (0.10, 0.35), "cylinder"),
+        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "round", (0.08, 0.32), "cylinder"),
+        Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder"),
         Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder"),
         Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder"),
     )

@@ -44,7 +44,7 @@ class Perception:
     settings: PoseSettings = field(default_factory=PoseSettings)
 
     @property
-    def source(self) -> str:
+    def name(self) -> str:
         """Detector and segmenter, for people to read."""
         return f"{self.detector.name} + {self.segmenter.name}"
 
@@ -72,7 +72,7 @@ class Perception:
                     "check that the camera delivers depth in metres (NaN or 0 where unknown) and take another frame"
                 )
         wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
-        seconds = dict.fromkeys(STAGES, 0.0)
+        seconds: dict[str, float] = {stage: 0.0 for stage in STAGES}
         views = [self._look(frame, wanted, seconds) for frame in frames]
         started = time.perf_counter()
         objects, unseen = [], []
@@ -89,7 +89,7 @@ class Perception:
             unseen=tuple(unseen),
             support_height=float(np.median(supports)),
             stamp=max(frame.stamp for frame in frames),
-            source=self.source,
+            source=self.name,
             seconds=seconds,
         )
 
@@ -110,7 +110,7 @@ class Perception:
 
         clock = time.perf_counter()
         support = estimate_support(frame)
-        missing = dict.fromkeys(names, "no box above the threshold")
+        missing = {name: "no box above the threshold" for name in names}
         clouds: dict[str, MaskedCloud] = {}
         for name, mask in masks.items():
             cloud = masked_cloud(frame, mask, support, self.settings)
@@ -133,7 +133,7 @@ class Perception:
         self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, solid: Solid
     ) -> ObjectEstimate:
         position_std, yaw_std = spread(cloud, solid, frame, self.settings.noise)
-        evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, self.source)
+        evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, self.name)
         return ObjectEstimate(
             name=name,
             phrase=box.phrase,
@@ -166,13 +166,11 @@ def default_perception() -> Perception:
     return Perception(ColourShapeDetector(), GrabCutSegmenter())
 
 
-def perception_from_options(
-    detector: str = "colour-shape", segmenter: str = "grabcut", offline: bool = False
-) -> Perception:
+def perception_from_options(detector: str = "colour", segmenter: str = "grabcut", offline: bool = False) -> Perception:
     """Perception from two words or model names.
 
     Args:
-        detector: "colour-shape", or a folder or hub name of a model for zero-shot detection such as
+        detector: "colour", or a folder or hub name of a model for zero-shot detection such as
             "IDEA-Research/grounding-dino-tiny".
         segmenter: "grabcut", or a folder or hub name of a SAM or SAM 2 such as "facebook/sam-vit-base".
         offline: Never ask the hub; only folders and what earlier downloads left on this machine.
@@ -183,7 +181,7 @@ def perception_from_options(
     embedded = default_perception()
     chosen_detector: Detector = embedded.detector
     chosen_segmenter: Segmenter = embedded.segmenter
-    if detector != "colour-shape":
+    if detector != "colour":
         from perception.hf_models import TransformersDetector
 
         chosen_detector = TransformersDetector(detector, offline=offline)

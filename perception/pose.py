@@ -90,7 +90,7 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         used,
         points,
         share,
-        float(settings.noise.depth_std(distance)),
+        settings.noise.depth_std(distance, frame.intrinsics.fx),
         lower_end_is_hidden(mask, depth),
         own_outline_share(mask, depth),
     )

@@ -1,0 +1,145 @@
+"""Pictures of what was perceived, for people: masks, upright solids, names and scores over the colour picture."""
+
+import cv2
+import numpy as np
+
+from perception.estimates import ObjectEstimate, SceneEstimate
+from perception.frames import RgbdFrame
+
+# Eight colours that stay apart for most colour-blind readers (Okabe and Ito), RGB.
+PALETTE = (
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (86, 180, 233),
+    (230, 159, 0),
+    (240, 228, 66),
+    (90, 90, 90),
+)
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def overlay(frame: RgbdFrame, scene: SceneEstimate) -> np.ndarray:
+    """Draw a scene estimate over the picture of one camera.
+
+    Boxes and masks are drawn where this camera is among an object's evidence; solids of the others are projected
+    all the same. A corner says which detector and segmenter looked, and what was looked for in vain.
+
+    Returns:
+        RGB, uint8, shape (height, width, 3).
+    """
+    picture = frame.colour.copy()
+    paints = {o.name: PALETTE[i % len(PALETTE)] for i, o in enumerate(scene.objects)}
+    for o in scene.objects:
+        for item in o.evidence:
+            if item.camera == frame.camera and item.mask.shape == picture.shape[:2]:
+                _tint(picture, item.mask, paints[o.name])
+    for o in scene.objects:
+        _draw_solid(picture, frame, o, paints[o.name])
+    used: list[tuple[int, int, int, int]] = []
+    for o in scene.objects:
+        _draw_label(picture, frame, o, paints[o.name], used)
+    _draw_footer(picture, scene)
+    return picture
+
+
+def solid_outline(o: ObjectEstimate, segments: int = 32) -> list[np.ndarray]:
+    """Closed lines that show a solid, in the world in [m], each of shape (n, 3)."""
+    half = np.asarray(o.extents) / 2
+    lines: list[np.ndarray] = []
+    if o.shape == "box":
+        ring = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half[:2]
+        low, high = np.c_[ring, np.full(4, -half[2])], np.c_[ring, np.full(4, half[2])]
+        lines = [low, high, *(np.stack([a, b]) for a, b in zip(low, high, strict=True))]
+    else:
+        t = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
+        flat = np.stack([np.cos(t), np.sin(t)], -1)
+        if o.shape == "cylinder":
+            lines = [np.c_[flat * half[:2], np.full(segments, z)] for z in (-half[2], half[2])]
+            lines += [np.array([[s * half[0], 0, -half[2]], [s * half[0], 0, half[2]]]) for s in (-1, 1)]
+        else:
+            zero = np.zeros(segments)
+            lines = [
+                np.c_[flat * half[:2], zero],
+                np.c_[flat[:, 0] * half[0], zero, flat[:, 1] * half[2]],
+                np.c_[zero, flat[:, 0] * half[1], flat[:, 1] * half[2]],
+            ]
+    pose = np.asarray(o.world_T_object)
+    return [line @ pose[:3, :3].T + pose[:3, 3] for line in lines]
+
+
+def project(points: np.ndarray, frame: RgbdFrame) -> np.ndarray | None:
+    """Pixels (u, v) of world points [m], shape (n, 2), or None when one of them is not in front of the camera."""
+    pose = frame.world_T_camera
+    local = (points - pose[:3, 3]) @ pose[:3, :3]
+    if (local[:, 2] < 0.02).any():
+        return None
+    k = frame.intrinsics
+    return np.stack([k.fx * local[:, 0] / local[:, 2] + k.cx, k.fy * local[:, 1] / local[:, 2] + k.cy], -1)
+
+
+def _tint(picture: np.ndarray, mask: np.ndarray, paint: tuple[int, int, int]) -> None:
+    picture[mask] = (0.62 * picture[mask] + 0.38 * np.array(paint)).astype(np.uint8)
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, contours, -1, paint, 1, cv2.LINE_AA)
+
+
+def _draw_solid(picture: np.ndarray, frame: RgbdFrame, o: ObjectEstimate, paint: tuple[int, int, int]) -> None:
+    for line in solid_outline(o):
+        pixels = project(line, frame)
+        if pixels is None or np.abs(pixels).max() > 1e5:
+            continue
+        # Sub-pixel positions: OpenCV takes fixed-point numbers with `shift` fractional bits.
+        fixed = np.round(pixels * 16).astype(np.int32).reshape(-1, 1, 2)
+        closed = len(line) > 2
+        cv2.polylines(picture, [fixed], closed, (255, 255, 255), 3, cv2.LINE_AA, shift=4)
+        cv2.polylines(picture, [fixed], closed, paint, 1, cv2.LINE_AA, shift=4)
+
+
+def _draw_label(
+    picture: np.ndarray,
+    frame: RgbdFrame,
+    o: ObjectEstimate,
+    paint: tuple[int, int, int],
+    used: list[tuple[int, int, int, int]],
+) -> None:
+    """Name, score and size above the object, moved up until it covers no other label."""
+    height, width = picture.shape[:2]
+    points = np.concatenate(solid_outline(o))
+    pixels = project(points, frame)
+    if pixels is None:
+        return
+    left, top = pixels.min(0)
+    if not (-50 < left < width and -50 < top < height):
+        return
+    size = 100 * np.asarray(o.extents)
+    text = f"{o.phrase} {o.score:.2f}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
+    scale = 0.42 * max(1.0, height / 720)
+    (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
+    x = int(np.clip(left, 2, max(2, width - w - 8)))
+    y = int(np.clip(top - 8, h + 6, height - 40))
+    while any(x < u1 and x + w + 8 > u0 and y - h - 6 < v1 and y + 5 > v0 for u0, v0, u1, v1 in used) and y > 2 * h:
+        y -= 4
+    used.append((x - 4, y - h - 5, x + w + 4, y + 5))
+    cv2.rectangle(picture, (x - 4, y - h - 5), (x + w + 4, y + 5), (255, 255, 255), -1)
+    cv2.rectangle(picture, (x - 4, y - h - 5), (x + w + 4, y + 5), paint, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, (x, y), FONT, scale, (20, 20, 20), 1, cv2.LINE_AA)
+
+
+def _draw_footer(picture: np.ndarray, scene: SceneEstimate) -> None:
+    """A band at the foot: who looked, and what was not seen."""
+    height, width = picture.shape[:2]
+    scale = 0.38 * max(1.0, height / 720)
+    lines = [scene.source]
+    if scene.unseen:
+        lines.append("not seen: " + "; ".join(f"{u.name} ({u.reason})" for u in scene.unseen))
+    step = round(40 * scale)
+    band = picture[height - step * len(lines) - 4 :]
+    band[:] = (0.25 * band).astype(np.uint8)
+    for i, line in enumerate(lines):
+        # The reason must not run out of the picture: cut it where the picture ends.
+        while cv2.getTextSize(line, FONT, scale, 1)[0][0] > width - 12 and len(line) > 8:
+            line = line[:-4].rstrip() + "..."
+        y = height - 8 - step * (len(lines) - 1 - i)
+        cv2.putText(picture, line, (6, y), FONT, scale, (240, 240, 240), 1, cv2.LINE_AA)
