@@ -17,6 +17,7 @@ The points are the vertices of the URDF's collision mesh (a coarse convex hull) 
 `panda_collision.json` because the fit takes a minute; `python -m sim_check.capsules` makes the file again.
 """
 
+import itertools
 import json
 from pathlib import Path
 
@@ -148,7 +149,7 @@ def slab_boxes(points: np.ndarray, cuts: tuple[float, ...]) -> np.ndarray:
     """
     edges = [points[:, 2].min(), *cuts, points[:, 2].max()]
     rows = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         slab = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         lower, upper = np.append(slab[:, :2].min(axis=0), low), np.append(slab[:, :2].max(axis=0), high)
         rows.append(np.concatenate([(lower + upper) / 2, (upper - lower) / 2]))
