@@ -101,6 +101,6 @@ def largest_cluster(points: np.ndarray, cell: float = 0.012) -> np.ndarray:
         return inside
     grid = np.zeros(shape, bool)
     grid[tuple(index.T)] = True
-    labels, count = ndimage.label(grid, np.ones((3, 3, 3)))
+    labels, count = ndimage.label(grid, np.ones((3, 3, 3)))  # type: ignore
     of_point = labels[tuple(index.T)]
     return of_point == np.argmax(np.bincount(of_point, minlength=count + 1)[1:]) + 1

@@ -124,3 +124,28 @@ def own_outline_share(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.015
         return 0.0
     contour = max(contours, key=len).reshape(-1, 2)
     return float(own_outline(contour, mask, depth, nearer).mean())
+
+
+def own_outline_pixels(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.015) -> np.ndarray:
+    """The thing's own edge in sub-pixel coordinates, half a pixel outside the outermost pixels, shape (m, 2).
+
+    Args:
+        mask: bool, shape (height, width).
+        depth: In [m], NaN where unknown, same shape.
+        nearer: By how much something in front has to be nearer in [m].
+    """
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return np.zeros((0, 2))
+    contour = max(contours, key=len).reshape(-1, 2)
+    if len(contour) < 12:
+        return np.zeros((0, 2))
+    own = own_outline(contour, mask, depth, nearer)
+    # Outward normal from the smoothed tangent; contours run clockwise in pictures (y down) or the other way.
+    tangent = (np.roll(contour, -3, 0) - np.roll(contour, 3, 0)).astype(float)
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    x, y = contour[:, 0].astype(float), contour[:, 1].astype(float)
+    if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0:
+        normal = -normal
+    return (contour + 0.5 * normal)[own]

@@ -13,7 +13,8 @@ from perception.interfaces import Detection, Detector, Segmenter
 from perception.looks import solid_for
 from perception.merging import merge
 from perception.nms import suppress
-from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud, spread
+from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
+from perception.refine import Refined
 from perception.solids import Solid
 from perception.support import SupportPlane, estimate_support
 
@@ -72,7 +73,7 @@ class Perception:
                     "check that the camera delivers depth in metres (NaN or 0 where unknown) and take another frame"
                 )
         wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
-        seconds: dict[str, float] = {stage: 0.0 for stage in STAGES}
+        seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         views = [self._look(frame, wanted, seconds) for frame in frames]
         started = time.perf_counter()
         objects, unseen = [], []
@@ -110,7 +111,7 @@ class Perception:
 
         clock = time.perf_counter()
         support = estimate_support(frame)
-        missing = {name: "no box above the threshold" for name in names}
+        missing = dict.fromkeys(names, "no box above the threshold")
         clouds: dict[str, MaskedCloud] = {}
         for name, mask in masks.items():
             cloud = masked_cloud(frame, mask, support, self.settings)
@@ -123,25 +124,24 @@ class Perception:
         # From the lowest upwards, so that what carries a thing is known before the thing.
         for name in sorted(clouds, key=lambda n: clouds[n].lowest):
             cloud = clouds[name]
-            solid = fit_solid(cloud, solid_for(best[name].phrase), support, solids)
-            solids.append(solid)
-            found[name] = self._estimate(frame, name, best[name], cloud, solid)
+            fitted = fit_solid(frame, cloud, solid_for(best[name].phrase), support, solids, self.settings)
+            solids.append(fitted.solid)
+            found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock
         return _View(found, missing, support)
 
     def _estimate(
-        self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, solid: Solid
+        self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, fitted: Refined
     ) -> ObjectEstimate:
-        position_std, yaw_std = spread(cloud, solid, frame, self.settings.noise)
         evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, self.name)
         return ObjectEstimate(
             name=name,
             phrase=box.phrase,
-            world_T_object=solid.pose,
-            extents=solid.extents,
-            shape=solid.shape,
-            position_std=position_std,
-            yaw_std=yaw_std,
+            world_T_object=fitted.solid.pose,
+            extents=fitted.solid.extents,
+            shape=fitted.solid.shape,
+            position_std=fitted.position_std,
+            yaw_std=fitted.yaw_std,
             score=float(np.clip(box.score, 0.0, 1.0)),
             stamp=frame.stamp,
             evidence=(evidence,),

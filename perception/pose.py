@@ -8,7 +8,7 @@ import numpy as np
 from perception.cloud import StereoNoise, depth_steps, largest_cluster, world_points
 from perception.estimates import Shape
 from perception.frames import RgbdFrame
-from perception.outline import own_outline_share
+from perception.refine import Refined, observe, refine
 from perception.resting import find_bottom, lower_end_is_hidden
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.support import SupportPlane
@@ -46,7 +46,6 @@ class MaskedCloud:
         depth_share: Share of the mask with known depth, 0..1.
         depth_std: Spread of one point along its ray in [m].
         bottom_hidden: Whether something covers the lower end.
-        free: Share of the outline that is the thing's own, 0..1.
     """
 
     mask: np.ndarray
@@ -55,7 +54,6 @@ class MaskedCloud:
     depth_share: float
     depth_std: float
     bottom_hidden: bool
-    free: float
 
     @property
     def lowest(self) -> float:
@@ -92,38 +90,28 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         share,
         settings.noise.depth_std(distance, frame.intrinsics.fx),
         lower_end_is_hidden(mask, depth),
-        own_outline_share(mask, depth),
     )
 
 
-def fit_solid(cloud: MaskedCloud, shape: Shape, table: SupportPlane, others: Sequence[Solid]) -> Solid:
-    """First fit of a solid of the given shape that rests on the table or on one of the others."""
+def fit_solid(
+    frame: RgbdFrame,
+    cloud: MaskedCloud,
+    shape: Shape,
+    table: SupportPlane,
+    others: Sequence[Solid],
+    settings: PoseSettings,
+) -> Refined:
+    """Solid of the given shape that rests on the table or on one of the others, with its spread."""
     bottom = find_bottom(cloud.points, cloud.bottom_hidden, table, others, cloud.depth_std)
     if shape == "sphere":
-        return fit_sphere(cloud.points)
-    if shape == "cylinder":
-        return fit_cylinder(cloud.points, bottom, cloud.depth_std)
-    return fit_box(cloud.points, bottom, cloud.depth_std)
-
-
-def spread(cloud: MaskedCloud, solid: Solid, frame: RgbdFrame, noise: StereoNoise) -> tuple[np.ndarray, float]:
-    """Spread of a fitted solid: position along the world's axes in [m], shape (3,), and yaw in [rad].
-
-    Along the ray the depth noise is averaged over the patches that err independently; across it one pixel of the
-    outline counts; the hidden part of the outline adds its share of half the thing's size. A yaw comes from an edge of
-    length L: yaw_std = sqrt(12) s / L for an even spread s along it.
-    """
-    distance = float(np.linalg.norm(solid.centre - frame.world_T_camera[:3, 3]))
-    patches = max(1.0, len(cloud.points) / noise.patch_px)
-    along_ray = np.hypot(cloud.depth_std / np.sqrt(patches), 0.001)
-    pixel = distance / frame.intrinsics.fx
-    across = np.hypot(0.7 * pixel, 0.001)
-    ray = (solid.centre - frame.world_T_camera[:3, 3]) / max(distance, 1e-9)
-    hidden = (1.0 - cloud.free) * 0.35 * solid.extents
-    size = np.abs(solid.pose[:3, :3]) @ hidden
-    position = np.sqrt(along_ray**2 * ray**2 + across**2 * (1.0 - ray**2) + size**2)
-    if solid.shape != "box":
-        return position, float("inf")
-    edge = max(float(solid.extents[:2].max()), 0.01)
-    yaw = np.sqrt(12.0) * np.hypot(across, along_ray) / edge / 2.0 * (1.0 + 3.0 * (1.0 - cloud.free))
-    return position, float(min(yaw, np.pi / 4))
+        first = fit_sphere(cloud.points)
+        # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
+        if abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std:
+            bottom = (first.bottom, 1.0)
+    elif shape == "cylinder":
+        first = fit_cylinder(cloud.points, bottom[0], cloud.depth_std)
+    else:
+        first = fit_box(cloud.points, bottom[0], cloud.depth_std)
+    patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
+    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom)
+    return refine(first, seen)

@@ -37,8 +37,8 @@ def find_bottom(
     table: SupportPlane,
     others: Sequence[Solid],
     depth_std: float,
-) -> float:
-    """Height of the surface that carries a thing, in [m].
+) -> tuple[float, float]:
+    """Height of the surface that carries a thing and the spread of that height, both in [m].
 
     Surfaces that may carry it are the table and the tops of the solids below its middle. The one nearest to the lowest
     visible points is taken if it lies within their noise; otherwise the lowest visible points themselves count,
@@ -56,9 +56,8 @@ def find_bottom(
     surfaces = [float(table.at(x, y)), *(s.top for s in others if s.shape != "sphere" and s.covers(x, y, 0.01))]
     tolerance = 0.015 + 2.0 * depth_std
     below = [s for s in surfaces if s <= lowest + tolerance]
-    if not below:
-        return min(surfaces)
-    nearest = max(below)
-    if hidden or lowest - nearest < tolerance:
-        return nearest
-    return lowest
+    nearest = max(below) if below else min(surfaces)
+    if not hidden and lowest - nearest > tolerance:
+        return lowest, 0.005 + depth_std
+    # A guess beneath a hidden end may be wrong by all that is hidden.
+    return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if hidden else 0.0)
