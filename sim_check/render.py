@@ -1,0 +1,189 @@
+"""Offscreen pictures of MuJoCo models: colour and metric depth in one pass, on a machine with or without a screen."""
+
+import os
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from control.errors import ConfigError
+from control.twin_model import TwinModel
+from perception.frames import CameraIntrinsics
+from sim_check.panda_mjcf import COLLISION_GROUP
+
+_PACKAGES = "install Debian's libegl1 and libgl1-mesa-dri (`sudo apt install libegl1 libgl1-mesa-dri`)"
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """A camera of a model.
+
+    Attributes:
+        name: Its name in the model and in frames.
+        mounting: Whether it stands in the world or rides on the hand.
+        intrinsics: Of its pictures.
+    """
+
+    name: str
+    mounting: Literal["static", "wrist"]
+    intrinsics: CameraIntrinsics
+
+
+@dataclass(frozen=True)
+class FreeView:
+    """Where a spectator stands.
+
+    Attributes:
+        look_at: Point in the middle of the picture, in the world in [m].
+        distance: From there to the eye in [m].
+        azimuth_deg: Direction of view about z in [degrees]; 0 looks along +x, 180 towards the robot from the front.
+        elevation_deg: Direction of view against the horizon in [degrees]; negative looks down.
+    """
+
+    look_at: tuple[float, float, float] = (0.35, 0.0, 0.22)
+    distance: float = 1.45
+    azimuth_deg: float = 140.0
+    elevation_deg: float = -24.0
+
+
+class Offscreen:
+    """Renders one model. Use it from one thread; a model's pictures need its data to hold still meanwhile.
+
+    Args:
+        model: What to render.
+        width, height: Largest picture in [px].
+        collision: Whether to show collision bodies (group 3) besides pictures (group 2).
+
+    Raises:
+        ConfigError: No way to render was found; names the packages to install.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int, collision: bool = False) -> None:
+        self._model = model
+        _, self._context = _open_context(width, height)
+        self._context.make_current()
+        self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_resizeOffscreen(width, height, self._mjr)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._mjr)
+        self._mjr.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._scene = mujoco.MjvScene(model, maxgeom=2000)
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[COLLISION_GROUP] = collision
+        self._option.sitegroup[:] = 0
+
+    def __enter__(self) -> "Offscreen":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what the graphics driver holds."""
+        if self._context is not None:
+            self._context.make_current()
+            self._mjr.free()
+            self._context.free()
+            self._context = None
+
+    def picture(
+        self, data: mujoco.MjData, view: str | FreeView, width: int, height: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Colour and depth of one view.
+
+        Args:
+            data: State to show; forwarded, and not stepped meanwhile.
+            view: Name of a camera of the model, or a spectator.
+            width, height: Size in [px], at most that of the constructor.
+
+        Returns:
+            Colour, uint8, shape (height, width, 3), and distance along the optical axis in [m], float32, shape
+            (height, width), NaN where there is nothing up to the far plane.
+        """
+        camera = mujoco.MjvCamera()
+        if isinstance(view, str):
+            camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+            camera.fixedcamid = self._model.camera(view).id
+        else:
+            camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+            camera.lookat[:] = view.look_at
+            camera.distance = view.distance
+            camera.azimuth, camera.elevation = view.azimuth_deg, view.elevation_deg
+        self._context.make_current()
+        mujoco.mjv_updateScene(self._model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
+        rect = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(rect, self._scene, self._mjr)
+        colour = np.empty((height, width, 3), np.uint8)
+        buffer = np.empty((height, width), np.float32)
+        mujoco.mjr_readPixels(colour, buffer, rect, self._mjr)
+        return np.flipud(colour).copy(), self._metres(np.flipud(buffer))
+
+    def _metres(self, buffer: np.ndarray) -> np.ndarray:
+        """Depth from a depth buffer that is 1 on the near plane n and 0 on the far plane f.
+
+        The projection's reversed depth is b = n (f - z) / (z (f - n)), hence z = f n / (n + b (f - n)).
+        """
+        extent = self._model.stat.extent
+        near, far = self._model.vis.map.znear * extent, self._model.vis.map.zfar * extent
+        depth = far * near / (near + buffer.astype(np.float64) * (far - near))
+        return np.where(buffer <= 0.0, np.nan, depth).astype(np.float32)
+
+
+def available_backend() -> str:
+    """Which way of rendering works here: "egl", or what the environment variable MUJOCO_GL asks for.
+
+    Raises:
+        ConfigError: None does; names the packages to install.
+    """
+    name, context = _open_context(64, 64)
+    context.free()
+    return name
+
+
+def render_twin(
+    twin: TwinModel, width: int = 640, height: int = 480, view: FreeView | None = None, qpos: np.ndarray | None = None
+) -> np.ndarray:
+    """A picture of a twin for reports: what the stack believes, collision bodies included.
+
+    Args:
+        twin: What to show.
+        width, height: Size in [px].
+        view: Where the spectator stands.
+        qpos: Configuration to show, shape (nq,); the start if None.
+
+    Returns:
+        Colour, uint8, shape (height, width, 3).
+
+    Raises:
+        ConfigError: No way to render was found.
+    """
+    data = twin.start()
+    if qpos is not None:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(twin.model, data)
+    with Offscreen(twin.model, width, height, collision=True) as renderer:
+        colour, _ = renderer.picture(data, view or FreeView(), width, height)
+    return colour
+
+
+def _open_context(width: int, height: int):
+    """(name, context) of the first way to render that works."""
+    asked = os.environ.get("MUJOCO_GL", "").lower()
+    name = asked if asked in ("glfw", "osmesa") else "egl"
+    try:
+        # The context class is named directly: MuJoCo's own choice is made from the environment at its import.
+        if name == "glfw":
+            from mujoco.glfw import GLContext
+        elif name == "osmesa":
+            from mujoco.osmesa import GLContext
+        else:
+            from mujoco.egl import GLContext
+        return name, GLContext(width, height)
+    # Missing libraries surface as ImportError, AttributeError (PyOpenGL's null library) or OpenGL's own error types.
+    except Exception as error:
+        raise ConfigError(
+            f"cannot render offscreen with '{name}' ({error}); {_PACKAGES}, or set MUJOCO_GL=glfw"
+        ) from None
