@@ -1,0 +1,318 @@
+"""A client's view of a cell: state, pictures, and the one way to make the robot move."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+import zenoh
+
+from control.certificate import Certificate
+from control.errors import RobotGoneError, StoppedError
+from control.trajectory import Trajectory
+from hw_interface.errors import MessageError
+from hw_interface.messages import (
+    Accepted,
+    AcknowledgeRequest,
+    CellInfo,
+    FrameMessage,
+    FrameRequest,
+    InfoRequest,
+    MotionResult,
+    ResultRequest,
+    RobotState,
+    StateRequest,
+    StopRequest,
+    TrajectoryRequest,
+    Truth,
+    TruthRequest,
+)
+from hw_interface.transport import (
+    ACKNOWLEDGE_KEY,
+    ALIVE_KEY,
+    DEFAULT_ENDPOINT,
+    FRAME_KEY,
+    INFO_KEY,
+    RESULT_KEY,
+    STATE_KEY,
+    STOP_KEY,
+    TRAJECTORY_KEY,
+    TRUTH_KEY,
+    ask,
+    open_client_session,
+)
+from hw_interface.wire import decode
+from perception.frames import RgbdFrame
+
+FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
+SILENCE = 3.0  # [s] without a state while the process itself is alive: its loop hangs (a picture may take a second)
+REST_TIMEOUT = 10.0  # [s] that an arm told to stop may take to rest
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a motion is: samples played, samples in all, and the state that says so."""
+
+    played: int
+    samples: int
+    state: RobotState
+
+
+@dataclass(frozen=True)
+class ExecutionReport:
+    """What became of a motion, as measured by the robot.
+
+    Attributes:
+        completed: Every sample was played and nothing went wrong.
+        reason: "completed", or the code of the trouble: tracking_error, lost_grasp, gripper_late, contact, frozen,
+            internal_error.
+        detail: The trouble in words, empty when completed.
+        played, samples: Samples played, and samples in the trajectory.
+        max_tracking_error: Largest difference per joint between commanded and measured position in [rad].
+        times: Robot time of each row below in [s], shape (n,); about 100 rows a second.
+        q_d, q: Commanded and measured joint positions in [rad], shape (n, 7).
+        tau: Measured joint torques in [Nm], shape (n, 7).
+        gripper_width: Measured distance between the pads in [m], shape (n,).
+        final_state: State after the motion.
+    """
+
+    completed: bool
+    reason: str
+    detail: str
+    played: int
+    samples: int
+    max_tracking_error: float
+    times: np.ndarray
+    q_d: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    gripper_width: np.ndarray
+    final_state: RobotState
+
+
+class CellClient:
+    """Connection to one cell. Make it with `connect`; use it as a context manager or call `close`."""
+
+    def __init__(self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float) -> None:
+        self._session = session
+        self._timeout = timeout
+        self._news = threading.Condition()
+        self._latest: RobotState | None = None
+        self._latest_at = time.monotonic()
+        self._count = 0
+        self._alive = True
+        self.endpoint = endpoint
+        self.info = info
+        self._subscribers = (
+            session.declare_subscriber(STATE_KEY, self._on_state),
+            session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True),
+        )
+
+    @classmethod
+    def connect(cls, endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0) -> "CellClient":
+        """Connect to the cell at an endpoint.
+
+        Args:
+            timeout: Longest wait for the connection, and later for each answer, in [s].
+
+        Raises:
+            ConfigError: The endpoint is not valid.
+            RobotGoneError: Nobody answers there.
+            MessageError: The cell speaks another protocol version.
+        """
+        session = open_client_session(endpoint, timeout)
+        try:
+            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout)
+            return cls(session, endpoint, info, timeout)
+        except BaseException:
+            session.close()
+            raise
+
+    def __enter__(self) -> "CellClient":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave; the robot goes on with what it does."""
+        self._session.close()
+
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cell's cameras."""
+        return self.info.cameras
+
+    def state(self) -> RobotState:
+        """State measured now.
+
+        Raises:
+            RobotGoneError: No answer, or the robot process was restarted since this client connected.
+        """
+        return self._same_epoch(ask(self._session, STATE_KEY, StateRequest(), RobotState, self._timeout))
+
+    def frames(self, cameras: Iterable[str] | None = None) -> list[RgbdFrame]:
+        """Pictures taken now, one per camera.
+
+        Args:
+            cameras: Names; all of the cell's cameras by default.
+
+        Raises:
+            RefusedError: unknown_camera.
+            RobotGoneError: No answer.
+        """
+        names = self.info.cameras if cameras is None else tuple(cameras)
+        return [
+            ask(self._session, f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, FRAME_TIMEOUT).frame()
+            for name in names
+        ]
+
+    def stop(self, reason: str = "") -> RobotState:
+        """Ask the arm to come to rest on its path and stay until acknowledged; returns at once.
+
+        Raises:
+            RobotGoneError: No answer.
+        """
+        return ask(self._session, STOP_KEY, StopRequest(reason=reason), RobotState, self._timeout)
+
+    def acknowledge(self) -> RobotState:
+        """Make a stopped robot ready again.
+
+        Raises:
+            RefusedError: busy: the arm still moves.
+            RobotGoneError: No answer.
+        """
+        return ask(self._session, ACKNOWLEDGE_KEY, AcknowledgeRequest(), RobotState, self._timeout)
+
+    def truth(self) -> dict[str, np.ndarray]:
+        """True pose of every object, `world_T_object` of shape (4, 4). For scorers only.
+
+        Raises:
+            RobotGoneError: The cell does not offer it (it was not started for scoring), or no answer.
+        """
+        message = ask(self._session, TRUTH_KEY, TruthRequest(), Truth, self._timeout)
+        return {o.name: o.world_T_object for o in message.objects}
+
+    def execute(
+        self,
+        trajectory: Trajectory,
+        certificate: Certificate | None,
+        on_progress: Callable[[Progress], None] | None = None,
+    ) -> ExecutionReport:
+        """Have a trajectory played and wait until the arm rests again.
+
+        Ctrl-C stops the arm on its path, waits until it rests, then raises KeyboardInterrupt as usual.
+
+        Args:
+            on_progress: Called on this thread a few dozen times a second.
+
+        Returns:
+            The report, also when the robot stopped by itself (`completed` is False; acknowledge before moving again).
+
+        Raises:
+            RefusedError: The robot does not play it; nothing moved.
+            StoppedError: Somebody asked the robot to stop; it rests on its path.
+            RobotGoneError: The robot process died or froze; what the arm does is unknown.
+        """
+        try:
+            return self._execute(trajectory, certificate, on_progress)
+        except KeyboardInterrupt:
+            # A dead robot needs no stop; the interrupt matters more than why it is gone.
+            with contextlib.suppress(RobotGoneError):
+                self.stop("interrupted")
+                self._await_rest()
+            raise
+
+    def _execute(
+        self,
+        trajectory: Trajectory,
+        certificate: Certificate | None,
+        on_progress: Callable[[Progress], None] | None,
+    ) -> ExecutionReport:
+        self._check_alive()
+        request = TrajectoryRequest.of(trajectory, certificate)
+        serial = ask(self._session, TRAJECTORY_KEY, request, Accepted, self._timeout).serial
+        self._latest_at = time.monotonic()
+        seen = 0
+        while True:
+            state, seen = self._wait_for_state(seen)
+            if state.motion_serial != serial:
+                continue  # measured before the motion was accepted
+            if on_progress is not None:
+                on_progress(Progress(state.progress, state.samples, state))
+            if state.mode not in ("moving", "stopping"):
+                break
+        result = ask(self._session, RESULT_KEY, ResultRequest(serial=serial), MotionResult, self._timeout)
+        if result.outcome == "stopped":
+            raise StoppedError(
+                f"the motion was stopped on request after {result.played} of {result.samples} samples; the arm rests "
+                "on its path; acknowledge before moving again"
+            )
+        return ExecutionReport(
+            completed=result.outcome == "completed",
+            reason=result.trouble.code if result.trouble else result.outcome,
+            detail=result.trouble.reason if result.trouble else "",
+            played=result.played,
+            samples=result.samples,
+            max_tracking_error=result.max_tracking_error,
+            times=result.times,
+            q_d=result.q_d,
+            q=result.q,
+            tau=result.tau,
+            gripper_width=result.gripper_width,
+            final_state=self.state(),
+        )
+
+    def _on_state(self, sample: zenoh.Sample) -> None:
+        try:
+            state = decode(sample.payload.to_bytes(), RobotState)
+        except MessageError:
+            return  # somebody else's garbage; the robot's silence would be noticed
+        with self._news:
+            self._latest, self._latest_at, self._count = state, time.monotonic(), self._count + 1
+            self._news.notify_all()
+
+    def _on_alive(self, sample: zenoh.Sample) -> None:
+        with self._news:
+            self._alive = sample.kind == zenoh.SampleKind.PUT
+            self._news.notify_all()
+
+    def _check_alive(self) -> None:
+        if not self._alive:
+            raise RobotGoneError(
+                f"the robot process at {self.endpoint} has ended or is frozen; see to the arm, then start it again"
+            )
+
+    def _wait_for_state(self, seen: int) -> tuple[RobotState, int]:
+        """The next published state after number `seen`, and its number."""
+        with self._news:
+            while self._alive and (self._count == seen or self._latest is None):
+                silent = time.monotonic() - self._latest_at
+                if silent > SILENCE:
+                    raise RobotGoneError(
+                        f"the robot process at {self.endpoint} lives but has not reported for {silent:.1f} s; "
+                        "see to the arm, then restart it"
+                    )
+                self._news.wait(0.1)
+            self._check_alive()
+            assert self._latest is not None
+            return self._same_epoch(self._latest), self._count
+
+    def _await_rest(self) -> None:
+        deadline = time.monotonic() + REST_TIMEOUT
+        while time.monotonic() < deadline:
+            if self.state().mode not in ("moving", "stopping"):
+                return
+            time.sleep(0.02)
+
+    def _same_epoch(self, state: RobotState) -> RobotState:
+        if state.epoch != self.info.epoch:
+            raise RobotGoneError(
+                f"the robot process at {self.endpoint} was restarted since this client connected; connect again "
+                "and look at the scene anew"
+            )
+        return state

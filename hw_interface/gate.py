@@ -1,0 +1,98 @@
+"""The gate: what a trajectory must show before a robot plays it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.certificate import Certificate
+from control.certify import verify_certificate
+from control.errors import RefusedError
+from control.limits import RobotLimits
+from control.safety import SafetyLimits
+from control.trajectory import Trajectory
+from control.trajectory_checks import check_trajectory
+from hw_interface.backend import Measured
+
+MAX_GRIPPER_WIDTH = 0.08  # [m]; Franka Hand, product manual
+MAX_GRIPPER_FORCE = 70.0  # [N]; Franka Hand, continuous force
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Checks a trajectory against its certificate and, sample by sample, against the robot's limits.
+
+    The driver trusts nobody with the samples: it repeats every check that needs no twin.
+
+    Attributes:
+        profile: Robot profile, for instance "panda/5".
+        limits_hash: Hash of the limits that a certificate must have been issued under.
+        robot_limits: Published limits of the robot.
+        safety: The safety table of the cell.
+        max_scene_age: Oldest frame in [s] that a motion may have been judged on.
+    """
+
+    profile: str
+    limits_hash: str
+    robot_limits: RobotLimits
+    safety: SafetyLimits
+    max_scene_age: float = 300.0
+
+    def check(
+        self,
+        trajectory: Trajectory,
+        certificate: Certificate | None,
+        q_d: np.ndarray,
+        measured: Measured,
+        now: float,
+        used_serials: set[str],
+    ) -> Certificate:
+        """The certificate, if this trajectory may be played now.
+
+        Args:
+            q_d: Where the robot is commanded to be in [rad], shape (7,).
+            measured: What it measures.
+            now: Time on the robot's clock in [s].
+            used_serials: Serials of certificates that were played.
+
+        Raises:
+            RefusedError: no_certificate, trajectory_changed, certificate_used, certificate_expired, wrong_profile,
+                wrong_limits, start_mismatch, scene_too_old or breaks_limit.
+        """
+        verify_certificate(
+            certificate,
+            trajectory,
+            self.profile,
+            self.limits_hash,
+            now,
+            used_serials,
+            q_d,
+            self.max_scene_age,
+        )
+        assert certificate is not None
+        broken = [c for c in check_trajectory(trajectory, self.robot_limits, self.safety) if not c.ok]
+        if broken:
+            c = broken[0]
+            where = f" at {c.at:.3f} s" if c.at is not None else ""
+            who = f" ({', '.join(c.bodies)})" if c.bodies else ""
+            others = f"; also broken: {', '.join(o.name for o in broken[1:])}" if broken[1:] else ""
+            raise RefusedError(
+                "breaks_limit",
+                f"check {c.name}: {c.worst:.6g} {c.unit}{where}{who}, limit {c.limit:.6g} {c.unit}{others}",
+            )
+        self._check_gripper(trajectory, measured)
+        return certificate
+
+    def _check_gripper(self, trajectory: Trajectory, measured: Measured) -> None:
+        for event in trajectory.gripper:
+            command = event.command
+            if not (0.0 <= command.width <= MAX_GRIPPER_WIDTH and 0.0 <= command.force <= MAX_GRIPPER_FORCE):
+                raise RefusedError(
+                    "breaks_limit",
+                    f"gripper command at {event.time:.2f} s asks for {command.width:g} m and {command.force:g} N; "
+                    f"at most {MAX_GRIPPER_WIDTH:g} m and {MAX_GRIPPER_FORCE:g} N are possible",
+                )
+        if trajectory.segments and trajectory.segments[0].held is not None and not measured.grasped:
+            raise RefusedError(
+                "start_mismatch",
+                f"the motion begins with '{trajectory.segments[0].held}' in the hand, but the gripper holds nothing",
+            )

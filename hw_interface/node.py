@@ -1,0 +1,177 @@
+"""The robot process's side of the wire: one loop that owns the driver and answers requests between its ticks.
+
+Zenoh calls back on threads of its own; they only put queries into a queue. Everything that touches the robot, its
+world or its cameras happens on the thread that calls `serve`, so no lock is needed and physics never advances while a
+picture is taken.
+"""
+
+import queue
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from control.errors import RefusedError
+from hw_interface.driver import Driver
+from hw_interface.messages import (
+    AcknowledgeRequest,
+    CellInfo,
+    FrameMessage,
+    FrameRequest,
+    InfoRequest,
+    ResultRequest,
+    StateRequest,
+    StopRequest,
+    TrajectoryRequest,
+    Truth,
+    TruthRequest,
+)
+from hw_interface.transport import (
+    ACKNOWLEDGE_KEY,
+    ALIVE_KEY,
+    FRAME_KEY,
+    INFO_KEY,
+    RESULT_KEY,
+    STATE_KEY,
+    STOP_KEY,
+    TRAJECTORY_KEY,
+    TRUTH_KEY,
+    answer,
+    open_robot_session,
+    read_request,
+    refusing,
+)
+from hw_interface.wire import encode
+from perception.frames import RgbdFrame
+
+STATE_PERIOD = 0.015  # [s]; comfortably above 50 states a second
+
+
+class RobotNode:
+    """Offers one driver and its cameras at an endpoint.
+
+    Args:
+        driver: The driver; ticked by the caller.
+        cameras: Names of the cameras.
+        take_frame: Takes a picture now; called on the thread that calls `serve`.
+        endpoint: Where to listen.
+        truth: For simulated cells that are scored: true poses; None leaves the key out.
+
+    Attributes:
+        endpoint: Where it really listens.
+
+    Raises:
+        ConfigError: The port is in use or the endpoint is not valid.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        cameras: tuple[str, ...],
+        take_frame: Callable[[str], RgbdFrame],
+        endpoint: str,
+        truth: Callable[[], Truth] | None = None,
+    ) -> None:
+        self._driver = driver
+        self._cameras = cameras
+        self._take_frame = take_frame
+        self._truth = truth
+        self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
+        self._next_state = 0.0
+        self._session, self.endpoint = open_robot_session(endpoint)
+        self._state_publisher = self._session.declare_publisher(STATE_KEY)
+        self._answers = [
+            self._offer(key, handler)
+            for key, handler in {
+                INFO_KEY: self._answer_info,
+                STATE_KEY: self._answer_state,
+                f"{FRAME_KEY}/*": self._answer_frame,
+                TRAJECTORY_KEY: self._answer_trajectory,
+                STOP_KEY: self._answer_stop,
+                ACKNOWLEDGE_KEY: self._answer_acknowledge,
+                RESULT_KEY: self._answer_result,
+                **({TRUTH_KEY: self._answer_truth} if truth is not None else {}),
+            }.items()
+        ]
+        # Last, so that whoever sees the token finds every key answered.
+        self._alive = self._session.liveliness().declare_token(ALIVE_KEY)
+
+    def _offer(self, key: str, handler: Callable[[zenoh.Query], None]) -> zenoh.Queryable:
+        return self._session.declare_queryable(key, lambda query: self._inbox.put((handler, query)))
+
+    def serve(self, wait: float = 0.0) -> float:
+        """Answer everything that was asked, waiting up to `wait` seconds for the first request; publish the state.
+
+        Returns:
+            Wall time in [s] spent on answers (not on waiting).
+        """
+        spent = 0.0
+        while True:
+            try:
+                handler, query = self._inbox.get(timeout=wait) if wait > 0.0 else self._inbox.get_nowait()
+            except queue.Empty:
+                break
+            wait, begun = 0.0, time.monotonic()
+            with query, refusing(query):
+                handler(query)
+            spent += time.monotonic() - begun
+            self.publish_state()
+        self.publish_state()
+        return spent
+
+    def publish_state(self) -> None:
+        """Publish the state if it is time to."""
+        now = time.monotonic()
+        if now >= self._next_state:
+            self._next_state = now + STATE_PERIOD
+            self._state_publisher.put(encode(self._driver.state()))
+
+    def close(self) -> None:
+        """Leave the wire; clients see it at once."""
+        self._session.close()
+
+    def _answer_info(self, query: zenoh.Query) -> None:
+        read_request(query, InfoRequest)
+        info = CellInfo(
+            epoch=self._driver.epoch,
+            cell=self._driver.cell,
+            profile=self._driver.gate.profile,
+            limits_hash=self._driver.gate.limits_hash,
+            cameras=self._cameras,
+            max_scene_age=self._driver.gate.max_scene_age,
+            scored=self._truth is not None,
+        )
+        answer(query, info)
+
+    def _answer_state(self, query: zenoh.Query) -> None:
+        read_request(query, StateRequest)
+        answer(query, self._driver.state())
+
+    def _answer_frame(self, query: zenoh.Query) -> None:
+        read_request(query, FrameRequest)
+        camera = str(query.key_expr).removeprefix(f"{FRAME_KEY}/")
+        if camera not in self._cameras:
+            raise RefusedError("unknown_camera", f"no camera '{camera}' in this cell; it has {list(self._cameras)}")
+        answer(query, FrameMessage.of(self._take_frame(camera)))
+
+    def _answer_trajectory(self, query: zenoh.Query) -> None:
+        request = read_request(query, TrajectoryRequest)
+        answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none()))
+
+    def _answer_stop(self, query: zenoh.Query) -> None:
+        read_request(query, StopRequest)
+        self._driver.stop()
+        answer(query, self._driver.state())
+
+    def _answer_acknowledge(self, query: zenoh.Query) -> None:
+        read_request(query, AcknowledgeRequest)
+        self._driver.acknowledge()
+        answer(query, self._driver.state())
+
+    def _answer_result(self, query: zenoh.Query) -> None:
+        answer(query, self._driver.result(read_request(query, ResultRequest).serial))
+
+    def _answer_truth(self, query: zenoh.Query) -> None:
+        read_request(query, TruthRequest)
+        assert self._truth is not None
+        answer(query, self._truth())

@@ -1,0 +1,99 @@
+"""A simulated cell as a process: world, driver and node in one loop. It alone knows the truth of its world."""
+
+import time
+from typing import Any, Protocol
+
+import numpy as np
+
+from control.limits import RobotLimits
+from control.safety import SafetyLimits
+from hw_interface.driver import Driver
+from hw_interface.gate import Gate
+from hw_interface.messages import ObjectTruth, Truth
+from hw_interface.node import RobotNode
+from hw_interface.pacing import Leash, announce, run_loop
+from hw_interface.sim_backend import SimBackend
+from hw_interface.supervisor import SupervisionLimits
+from hw_interface.transport import DEFAULT_ENDPOINT
+from perception.frames import CameraIntrinsics, RgbdFrame
+
+
+class CellWorld(Protocol):
+    """What truly stands in a simulated cell.
+
+    Attributes:
+        model, data: MuJoCo model and state; the robot carries the names of `control.twin_model`.
+        object_names: Bodies that a scorer may ask for.
+        cameras: Names to render.
+    """
+
+    model: Any
+    data: Any
+    object_names: Any
+    cameras: Any
+
+    def render(self, camera_name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, CameraIntrinsics]:
+        """Colour (h, w, 3) uint8, depth (h, w) in [m] with NaN, world_T_camera (4, 4) optical, intrinsics."""
+        ...
+
+    def object_pose(self, name: str) -> np.ndarray:
+        """World pose of an object, shape (4, 4)."""
+        ...
+
+
+def run_sim_cell(
+    world: CellWorld,
+    *,
+    cell_name: str,
+    profile: str,
+    limits_hash: str,
+    robot_limits: RobotLimits,
+    safety: SafetyLimits,
+    endpoint: str = DEFAULT_ENDPOINT,
+    speed: float = 1.0,
+    max_scene_age: float = 300.0,
+    supervision: SupervisionLimits | None = None,
+    score: bool = False,
+    parent_pid: int | None = None,
+    leash: Leash | None = None,
+) -> None:
+    """Serve a simulated cell until SIGTERM, SIGINT or the parent's death. Prints one ready line on stdout.
+
+    Args:
+        world: The world; this function steps it, nobody else may.
+        cell_name, profile, limits_hash: As in `RobotState`.
+        robot_limits, safety: What the driver checks every sample against.
+        endpoint: Where to listen; port 0 picks a free one (see the ready line).
+        speed: Robot time per wall time while moving, 0 = as fast as possible.
+        max_scene_age: Oldest frame in [s] that a motion may have been judged on.
+        supervision: Where the driver stops by itself.
+        score: Offer the true object poses to a scorer.
+        parent_pid: End when this process has ended.
+        leash: To end the loop from elsewhere; None makes one.
+
+    Raises:
+        ConfigError: Endpoint, port, speed or world are not valid.
+    """
+    backend = SimBackend(world.model, world.data)
+    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age)
+    driver = Driver(backend, gate, cell_name, supervision)
+
+    def take_frame(camera: str) -> RgbdFrame:
+        colour, depth, world_T_camera, intrinsics = world.render(camera)
+        return RgbdFrame(colour, depth, intrinsics, world_T_camera, time.time(), camera)
+
+    def truth() -> Truth:
+        poses = tuple(
+            ObjectTruth(name=name, world_T_object=np.asarray(world.object_pose(name), "<f8"))
+            for name in world.object_names
+        )
+        return Truth(stamp=time.time(), objects=poses)
+
+    leash = leash or Leash(parent_pid)
+    with leash.signals():
+        node = RobotNode(driver, tuple(world.cameras), take_frame, endpoint, truth if score else None)
+        try:
+            announce(node, driver)
+            run_loop(driver, node, leash, speed)
+        finally:
+            node.close()

@@ -1,0 +1,126 @@
+"""Bytes of a message: a msgpack envelope around a strictly checked pydantic model. No scheme that can run code.
+
+    {"protocol": 1, "type": "stop_request", "body": {...}}
+
+Arrays travel as {"dtype": "<f8", "shape": [n, 7], "data": bytes}, row by row, and are checked against each other
+before numpy sees them.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, TypeVar
+
+import msgpack
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
+
+from hw_interface.errors import MessageError
+
+PROTOCOL_VERSION = 1  # raised whenever a message changes in a way that an older peer would misread
+MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a millisecond), or a 1280x960 frame
+_ARRAY_KEYS = {"dtype", "shape", "data"}
+
+
+class Message(BaseModel):
+    """Base of everything that crosses the wire: unknown fields, wrong types and non-finite numbers are errors."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, arbitrary_types_allowed=True
+    )
+    type_name: ClassVar[str]
+
+
+M = TypeVar("M", bound=Message)
+
+
+def _array_from_wire(value: Any, dtype: np.dtype, shape: tuple[int | None, ...], finite: bool) -> np.ndarray:
+    """Array of the declared type and shape, read-only; None in `shape` matches any length.
+
+    Raises:
+        ValueError: Anything else (pydantic turns it into an error that names the field).
+    """
+    if isinstance(value, np.ndarray):
+        array = value
+        if array.dtype != dtype:
+            raise ValueError(f"array has type {array.dtype}; it must be {dtype}")
+    else:
+        if not isinstance(value, dict) or set(value) != _ARRAY_KEYS:
+            raise ValueError(f"an array is a map with exactly the keys {sorted(_ARRAY_KEYS)}")
+        if value["dtype"] != dtype.str:
+            raise ValueError(f"array has dtype {value['dtype']!r}; it must be {dtype.str!r}")
+        sizes, data = value["shape"], value["data"]
+        if not isinstance(sizes, (tuple, list)) or not all(type(n) is int and n >= 0 for n in sizes):
+            raise ValueError("array shape must be a list of whole numbers >= 0")
+        if not isinstance(data, bytes):
+            raise ValueError("array data must be bytes")
+        expected = dtype.itemsize
+        for n in sizes:  # Python integers: a hostile shape cannot overflow
+            expected *= n
+        if len(data) != expected:
+            raise ValueError(f"array of shape {list(sizes)} needs {expected} bytes; {len(data)} came")
+        array = np.frombuffer(data, dtype=dtype).reshape(sizes)
+    same_rank = array.ndim == len(shape)
+    if not same_rank or any(want not in (None, n) for n, want in zip(array.shape, shape, strict=True)):
+        wanted = tuple("n" if n is None else n for n in shape)
+        raise ValueError(f"array has shape {array.shape}; it must be {wanted}")
+    if finite and not np.isfinite(array).all():
+        raise ValueError(f"array is not finite at index {tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])}")
+    array = np.ascontiguousarray(array).view()  # a view, so that the sender's own array stays writable
+    array.flags.writeable = False
+    return array
+
+
+def _array_to_wire(array: np.ndarray) -> dict[str, Any]:
+    return {"dtype": array.dtype.str, "shape": list(array.shape), "data": array.tobytes()}
+
+
+def array_field(dtype: str, shape: tuple[int | None, ...], finite: bool = True) -> Any:
+    """Type annotation of an array field: numpy `dtype` with byte order, `shape` with None where any length will do."""
+    wanted = np.dtype(dtype)
+    check: Callable[[Any], np.ndarray] = lambda value: _array_from_wire(value, wanted, shape, finite)  # noqa: E731
+    return Annotated[np.ndarray, BeforeValidator(check), PlainSerializer(_array_to_wire)]
+
+
+def encode(message: Message) -> bytes:
+    """Bytes of a message.
+
+    Raises:
+        MessageError: The message would be larger than a peer accepts.
+    """
+    envelope = {"protocol": PROTOCOL_VERSION, "type": message.type_name, "body": message.model_dump()}
+    data = msgpack.packb(envelope, use_bin_type=True)
+    assert data is not None
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise MessageError(
+            "message", f"has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are accepted; split the motion"
+        )
+    return data
+
+
+def decode(data: bytes, expected: type[M]) -> M:
+    """The message of the expected type in these bytes.
+
+    Raises:
+        MessageError: Not such a message; names the field that is at fault.
+    """
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise MessageError("message", f"has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are accepted")
+    try:
+        envelope = msgpack.unpackb(data, raw=False, use_list=False, strict_map_key=True)
+    except Exception as error:  # msgpack raises a dozen kinds, among them plain ValueError and UnicodeDecodeError
+        raise MessageError("message", f"is not msgpack ({type(error).__name__})") from None
+    if not isinstance(envelope, dict) or set(envelope) != {"protocol", "type", "body"}:
+        raise MessageError("message", "must be a map with exactly the keys protocol, type and body")
+    if envelope["protocol"] != PROTOCOL_VERSION or type(envelope["protocol"]) is not int:
+        raise MessageError(
+            "protocol",
+            f"version {envelope['protocol']!r} is not understood; this side speaks version {PROTOCOL_VERSION}: "
+            "install the same release on both sides",
+        )
+    if envelope["type"] != expected.type_name:
+        raise MessageError("type", f"is {envelope['type']!r}; '{expected.type_name}' was expected here")
+    try:
+        return expected.model_validate(envelope["body"])
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "body"
+        raise MessageError(where, first["msg"]) from None
