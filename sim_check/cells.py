@@ -72,7 +72,7 @@ class CameraConfig(_Strict):
         width, height: Picture size in [px].
         fx, fy: Focal lengths in [px].
         horizontal_fov_deg: Horizontal field of view in [degrees].
-        cx, cy: Principal point in [px], the centre of the top-left pixel being (0, 0); the picture's centre if left out.
+        cx, cy: Principal point in [px], the centre of the top-left pixel being (0, 0); the middle if left out.
     """
 
     name: Name

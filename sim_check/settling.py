@@ -8,6 +8,7 @@ from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY
 
 STILL = 2e-3  # speed in [m/s] and angular speed in [rad/s] / 10 below which a thing is at rest
 DEEPEST = 2.5e-3  # penetration in [m] that soft contacts of things at rest may have
+OVERLAP = 3e-4  # overlap in [m] that contacts may close by themselves
 
 
 def free_bodies(model: mujoco.MjModel) -> dict[str, int]:
@@ -97,3 +98,46 @@ def _partners(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> str:
         if body in pair:
             touching.add(model.body(pair[0] if pair[1] == body else pair[1]).name)
     return ", ".join(f"'{n}'" for n in sorted(touching))
+
+
+def move_apart(
+    model: mujoco.MjModel, data: mujoco.MjData, fixed: frozenset[str] = frozenset(), rounds: int = 60
+) -> None:
+    """Move free bodies out of each other, of the robot and of the table, without dynamics; changes `data`.
+
+    Each round moves the free body of every overlapping pair along the contact's normal by the depth (half of it each,
+    when both are free). Pairs that stay deep are left for `settle` to judge.
+
+    Args:
+        model, data: Model and state.
+        fixed: Free bodies that are not moved (what the hand holds, between pads that squeeze it).
+        rounds: Most rounds.
+    """
+    address = {
+        int(model.jnt_bodyid[j]): int(model.jnt_qposadr[j])
+        for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        if model.body(int(model.jnt_bodyid[j])).name not in fixed
+    }
+    for _ in range(rounds):
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        shifts: dict[int, np.ndarray] = {}
+        for contact in data.contact[: data.ncon]:
+            depth = -float(contact.dist)
+            if depth < OVERLAP:
+                continue
+            first, second = (int(model.geom_bodyid[g]) for g in contact.geom)
+            both = first in address and second in address
+            # The normal points from the first geom to the second.
+            for body, sign in ((first, -1.0), (second, 1.0)):
+                if body in address:
+                    shift = sign * contact.frame[:3] * depth * (0.5 if both else 1.0)
+                    known = shifts.get(body)
+                    if known is None or np.linalg.norm(shift) > np.linalg.norm(known):
+                        shifts[body] = shift
+        if not shifts:
+            break
+        for body, shift in shifts.items():
+            data.qpos[address[body] : address[body] + 3] += shift
+    mujoco.mj_forward(model, data)

@@ -1,0 +1,265 @@
+"""The digital twin: what the stack believes, built from perception and the object library alone.
+
+Perceived poses are off by millimetres, which would make things hover or explode. So every object is first set down
+on whatever is under it, then what still overlaps is moved apart, then all of it settles under gravity. The result is
+deterministic.
+"""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from control.errors import ConfigError, StackError
+from control.twin_model import (
+    ARM_ACTUATORS,
+    ARM_JOINTS,
+    FINGER_BODIES,
+    FINGER_JOINTS,
+    GRIPPER_ACTUATOR,
+    TCP_SITE,
+    TwinModel,
+    TwinObject,
+)
+from perception.estimates import ObjectEstimate, SceneEstimate
+from sim_check.cells import CellConfig
+from sim_check.object_library import ObjectModel, object_model
+from sim_check.panda_mjcf import panda_spec
+from sim_check.scene_mjcf import add_lights, add_object, add_table, place_robot, pose_of, quat_of, set_rendering
+from sim_check.settling import DEEPEST, deepest_overlap, free_bodies, move_apart, settle
+from sim_check.supports import Standing, set_down
+
+TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
+MAX_WIDTH = 0.08  # of the gripper in [m]
+# Furthest that settling may carry a thing from where it was perceived and set down, in [m]. A fruit may roll to the
+# middle of a bowl; nothing else should travel.
+MAX_DRIFT = 0.03
+# Least spreads of a perturbed twin: perception's own figures leave out calibration.
+POSITION_FLOOR, YAW_FLOOR = 0.002, np.deg2rad(1.5)
+FRICTION_SPREAD, MASS_SPREAD, GAIN_SPREAD = 0.3, 0.3, 0.07
+
+
+def build_twin(
+    cell: CellConfig, scene: SceneEstimate, q: np.ndarray, gripper_width: float, held: str | None = None
+) -> TwinModel:
+    """Build and settle the twin of a perceived scene.
+
+    Args:
+        cell: Where the robot stands; its simulation block is not read.
+        scene: What was perceived.
+        q: Arm joints that the robot holds in [rad], shape (7,).
+        gripper_width: Distance between the pads in [m].
+        held: Name of the object in the hand, perceived between the pads; or None.
+
+    Returns:
+        The twin at rest, at a step of `TWIN_STEP`.
+
+    Raises:
+        ConfigError: A name or size that the object library cannot build.
+        StackError: `held` was not perceived or is not between the pads, or things overlap and cannot be moved apart.
+    """
+    q = np.asarray(q, float)
+    if q.shape != (7,):
+        raise ConfigError(f"arm joints of a twin have shape (7,), not {q.shape}")
+    if held is not None and scene.get(held) is None:
+        raise StackError(f"'{held}' should be in the hand but was not perceived; perceived were {sorted(scene.names)}")
+    standing = [Standing(object_model(e.name, e.extents, e.shape), np.array(e.world_T_object)) for e in scene.objects]
+    placed = set_down([s for s in standing if s.thing.name != held], scene.support_height)
+    placed += [s for s in standing if s.thing.name == held]
+    order = {name: i for i, name in enumerate(scene.names)}
+    placed.sort(key=lambda s: order[s.thing.name])
+
+    spec = panda_spec(meshes=False)
+    place_robot(spec, cell.robot)
+    spec.option.timestep = TWIN_STEP
+    add_table(spec, scene.support_height)
+    add_lights(spec)
+    set_rendering(spec, 640, 480)
+    for s in placed:
+        add_object(spec, s.thing, s.pose, pictures=False)
+    model = spec.compile()
+
+    twin = TwinModel(
+        model=model,
+        qpos=model.qpos0.copy(),
+        q=q.copy(),
+        gripper_width=float(gripper_width),
+        held=held,
+        objects=tuple(_described(e, s.thing) for e, s in zip(scene.objects, placed, strict=True)),
+        support_height=scene.support_height,
+        scene_stamp=scene.stamp,
+    )
+    qpos = _robot_qpos(twin, twin.qpos, gripper_width)
+    if held is not None:
+        qpos = _into_the_hand(twin, qpos)
+    return replace(twin, qpos=_rest(twin, qpos))
+
+
+def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0) -> TwinModel:
+    """The twin as it might also be, given how well poses, masses, friction and servos are known.
+
+    Positions are drawn from each object's spread (at least 2 mm) and yaws from theirs (at least 1.5 degrees), both
+    cut at twice the spread; friction and mass of each object are scaled by up to 30 %, each servo's gain by up to 7 %.
+    Things are set apart and settled again. The object in the hand stays between the pads.
+
+    Args:
+        twin: Built by `build_twin`; not changed.
+        rng: Source of randomness.
+        scale: Factor on all of these spreads; 0 gives the twin again.
+
+    Raises:
+        StackError: The drawn poses cannot be settled, nor can those at a half and a quarter of the drawn offsets.
+    """
+    model = copy.copy(twin.model)
+    _perturb_model(twin, model, rng, scale)
+    offsets = {o.name: _draw_offset(o, rng, scale) for o in twin.objects if o.movable and o.name != twin.held}
+    changed = replace(twin, model=model)
+    # Neighbours that are drawn into each other are possible in the draw but not in the world: they are drawn nearer
+    # to where they were perceived.
+    for share in (1.0, 0.5, 0.25):
+        qpos = twin.qpos.copy()
+        for name, offset in offsets.items():
+            _shift(model, qpos, name, share * offset)
+        try:
+            return replace(changed, qpos=_rest(changed, qpos))
+        except StackError as error:
+            reason = error
+    raise reason
+
+
+def _described(estimate: ObjectEstimate, thing: ObjectModel) -> TwinObject:
+    return TwinObject(
+        name=thing.name,
+        shape=estimate.shape,
+        extents=thing.extents,
+        movable=thing.movable,
+        container=thing.container,
+        inner_floor=thing.inner_floor,
+        inner_radius=thing.inner_radius,
+        position_std=np.array(estimate.position_std, float),
+        yaw_std=float(estimate.yaw_std),
+    )
+
+
+def _robot_qpos(twin: TwinModel, qpos: np.ndarray, width: float) -> np.ndarray:
+    """A configuration with the arm at the twin's joints and the pads this far apart in [m]."""
+    qpos = qpos.copy()
+    for name, angle in zip(ARM_JOINTS, twin.q, strict=True):
+        qpos[twin.model.joint(name).qposadr[0]] = angle
+    for name in FINGER_JOINTS:
+        qpos[twin.model.joint(name).qposadr[0]] = np.clip(width, 0.0, MAX_WIDTH) / 2
+    return qpos
+
+
+def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
+    """Centre the held object between the pads and set the pads to its width across them.
+
+    The width is that of the object's surface along the hand's y axis through its middle, found with MuJoCo's distance
+    between the pads and the object while the pads are wide open.
+    """
+    model, name = twin.model, str(twin.held)
+    qpos = _robot_qpos(twin, qpos, MAX_WIDTH)
+    data = mujoco.MjData(model)
+    for _ in range(2):  # the second round measures again at the centred pose
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        across = data.site(TCP_SITE).xmat.reshape(3, 3)[:, 1]
+        gaps = [_gap(model, data, finger, name) for finger in FINGER_BODIES]
+        # The left finger opens towards +y of the hand.
+        _shift_position(model, qpos, name, across * (gaps[0] - gaps[1]) / 2)
+    width = MAX_WIDTH - sum(gaps)
+    if not 0.0 < width <= MAX_WIDTH or max(gaps) > MAX_WIDTH / 2:
+        raise StackError(
+            f"'{name}' should be in the hand, but as perceived it is not between the pads; open the hand, or look again"
+        )
+    return _robot_qpos(twin, qpos, width)
+
+
+def _gap(model: mujoco.MjModel, data: mujoco.MjData, finger: str, name: str) -> float:
+    """Least distance in [m] between a finger's geoms and an object's; negative when they overlap."""
+    geoms = [np.flatnonzero(model.geom_bodyid == model.body(b).id) for b in (finger, name)]
+    segment = np.zeros(6)
+    return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.2, segment) for a in geoms[0] for b in geoms[1])
+
+
+def _rest(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
+    """Configuration after moving apart and settling.
+
+    Raises:
+        StackError: Something does not come to rest, overlaps, drifts away or falls out of the hand.
+    """
+    model = twin.model
+    data = replace(twin, qpos=qpos).start()
+    move_apart(model, data, fixed=frozenset({twin.held} if twin.held else ()))
+    before = {name: data.body(name).xpos.copy() for name in free_bodies(model)}
+    settle(model, data)
+    for name, position in before.items():
+        thing = twin.get(name)
+        drift = float(np.linalg.norm(data.body(name).xpos - position))
+        allowed = MAX_DRIFT + max((o.inner_radius for o in twin.objects if o.name != name), default=0.0)
+        if thing is not None and drift > allowed:
+            raise StackError(
+                f"'{name}' does not stay where it was perceived: in the twin it moves {drift * 1e3:.0f} mm; "
+                "its pose or size is likely wrong: look again from another side"
+            )
+    if twin.held is not None:
+        _check_held(model, data, twin.held)
+    settled = data.qpos.copy()
+    if twin.held is None:
+        settled = _robot_qpos(twin, settled, twin.gripper_width)
+    return settled
+
+
+def _check_held(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> None:
+    body = model.body(name).id
+    fingers = {model.body(f).id for f in FINGER_BODIES}
+    touching = set()
+    for contact in data.contact[: data.ncon]:
+        pair = {int(model.geom_bodyid[g]) for g in contact.geom}
+        if body in pair:
+            touching |= pair & fingers
+    if touching != fingers:
+        raise StackError(f"'{name}' does not stay between the pads in the twin; look again, or open the hand")
+
+
+def _perturb_model(twin: TwinModel, model: mujoco.MjModel, rng: np.random.Generator, scale: float) -> None:
+    def factor(spread: float, size: int | None = None):
+        return 1.0 + scale * spread * rng.uniform(-1.0, 1.0, size)
+
+    for thing in twin.objects:
+        body = model.body(thing.name).id
+        heavier, rougher = factor(MASS_SPREAD), factor(FRICTION_SPREAD)
+        model.body_mass[body] *= heavier
+        model.body_inertia[body] *= heavier
+        model.geom_friction[model.geom_bodyid == body] *= rougher
+    # Contacts take the larger friction of their two geoms, and the pads' always: these vary as well.
+    for geom in ("table", "left_pad", "right_pad"):
+        model.geom_friction[model.geom(geom).id] *= factor(FRICTION_SPREAD)
+    for actuator, gain in zip(ARM_ACTUATORS, factor(GAIN_SPREAD, len(ARM_ACTUATORS)), strict=True):
+        number = model.actuator(actuator).id
+        model.actuator_gainprm[number, 0] *= gain
+        model.actuator_biasprm[number, 1:3] *= gain
+    # Constants that the compiler derives from masses must follow them.
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _draw_offset(thing: TwinObject, rng: np.random.Generator, scale: float) -> np.ndarray:
+    """(x, y) in [m] and yaw in [rad], shape (3,); heights follow from what things stand on."""
+    std = np.maximum(thing.position_std[:2], POSITION_FLOOR)
+    yaw_std = max(thing.yaw_std, YAW_FLOOR) if np.isfinite(thing.yaw_std) else 0.0
+    drawn = np.clip(rng.standard_normal(3), -2.0, 2.0)
+    return scale * np.append(std, yaw_std) * drawn
+
+
+def _shift(model: mujoco.MjModel, qpos: np.ndarray, name: str, offset: np.ndarray) -> None:
+    """Move a free body by (x, y) in [m] and turn it about the world's z by yaw in [rad], in place."""
+    at = int(model.joint(name).qposadr[0])
+    _shift_position(model, qpos, name, np.array([offset[0], offset[1], 0.0]))
+    turn = pose_of(np.zeros(3), np.array([np.cos(offset[2] / 2), 0.0, 0.0, np.sin(offset[2] / 2)]))
+    qpos[at + 3 : at + 7] = quat_of(turn @ pose_of(np.zeros(3), qpos[at + 3 : at + 7]))
+
+
+def _shift_position(model: mujoco.MjModel, qpos: np.ndarray, name: str, offset: np.ndarray) -> None:
+    at = int(model.joint(name).qposadr[0])
+    qpos[at : at + 3] += offset
