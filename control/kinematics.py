@@ -15,6 +15,7 @@ import numpy as np
 
 from control.errors import ConfigError
 from control.limits import REST_Q
+from control.rotations import rotation_log
 
 TCP_FRAME = "panda_hand_tcp"
 # Where an iteration starts from, as changes of REST_Q (joint index from 0 → value in [rad]): turned shoulder, both
@@ -53,24 +54,6 @@ class IkSolutions:
 
 
 @dataclass(frozen=True)
-class FollowedPaths:
-    """Joint paths along Cartesian paths.
-
-    Attributes:
-        q: Joint positions in [rad], shape (n, k, 7); rows after the first miss are best efforts.
-        reached: Whether each waypoint was met without a jump, shape (n, k).
-    """
-
-    q: np.ndarray
-    reached: np.ndarray
-
-    @property
-    def ok(self) -> np.ndarray:
-        """Whether the whole path was met, shape (n,)."""
-        return self.reached.all(axis=1)
-
-
-@dataclass(frozen=True)
 class ArmKinematics:
     """Geometry of a seven-joint arm whose joints all turn about their own z axis.
 
@@ -99,7 +82,7 @@ class ArmKinematics:
         Raises:
             ConfigError: The file does not start with seven joints about z or has no frame `panda_hand_tcp`.
         """
-        import pinocchio as pin
+        import pinocchio as pin  # type: ignore[import-not-found]
 
         from control.robot_files import panda_urdf
 
@@ -160,11 +143,171 @@ class ArmKinematics:
         """Distance to the nearest joint limit in [rad], negative beyond it: shape (n, 7) → (n,)."""
         return np.minimum(q - self.q_min, self.q_max - q).min(axis=-1)
 
-    def errors(self, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance in [m] and angle in [rad] between the tool and target poses, shapes (n,)."""
-        position, rotation = self.forward(q)
-        turn = rotation_log(rotations @ rotation.transpose(0, 2, 1))
-        return np.linalg.norm(positions - position, axis=1), np.linalg.norm(turn, axis=1)
+    def poses(self, q: np.ndarray) -> np.ndarray:
+        """Tool poses as transforms base_T_tool: shape (n, 7) in [rad] → (n, 4, 4), translations in [m]."""
+        poses = np.tile(np.eye(4), (len(q), 1, 1))
+        poses[:, :3, 3], poses[:, :3, :3] = self.forward(q)
+        return poses
+
+    def errors(self, q: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance in [m] and angle in [rad] between the tool and targets base_T_tool, (n, 4, 4); shapes (n,)."""
+        error = _pose_error(*self.forward(q), targets)
+        return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+
+    def solve_ik(
+        self,
+        targets: np.ndarray,
+        seeds: np.ndarray | None = None,
+        *,
+        per_pose: int = 3,
+        iterations: int = 40,
+        min_margin: float = 0.03,
+        position_tolerance: float = 1e-4,
+        rotation_tolerance: float = 1e-3,
+        distinct: float = 0.35,
+    ) -> IkSolutions:
+        """Several different configurations for each of many tool poses.
+
+        Every pose is iterated from every seed: three quarters of the iterations with a weak pull towards REST_Q in
+        the null space, the rest without. Solutions of a pose are listed in the order of the seeds that found them.
+
+        Args:
+            targets: Tool poses base_T_tool, shape (n, 4, 4), translations in [m].
+            seeds: Start configurations in [rad], shape (s, 7) for all poses alike or (s, n, 7) for each its own;
+                `default_seeds()` by default.
+            per_pose: Most solutions to return for one pose.
+            iterations: Most iterations from one seed.
+            min_margin: Least distance to every joint limit in [rad].
+            position_tolerance: Largest position error of a solution in [m].
+            rotation_tolerance: Largest rotation error of a solution in [rad].
+            distinct: Two solutions of a pose differ by at least this in some joint, in [rad].
+
+        Raises:
+            ValueError: The arrays' shapes do not fit together.
+        """
+        targets = np.asarray(targets, float)
+        seeds = default_seeds() if seeds is None else np.asarray(seeds, float)
+        count, starts = len(targets), len(seeds)
+        if targets.shape != (count, 4, 4) or seeds.shape not in ((starts, 7), (starts, count, 7)):
+            raise ValueError(
+                f"need targets (n, 4, 4) and seeds (s, 7) or (s, n, 7); got {targets.shape} and {seeds.shape}"
+            )
+        q = np.broadcast_to(seeds[:, None] if seeds.ndim == 2 else seeds, (starts, count, 7)).reshape(-1, 7)
+        goals = np.tile(targets, (starts, 1, 1))
+        pulled = 3 * iterations // 4
+        q = self.iterate_ik(q, goals, pulled, pull=0.003)
+        q = self.iterate_ik(q, goals, iterations - pulled, done=(position_tolerance / 2, rotation_tolerance / 2))
+        off, turned = self.errors(q, goals)
+        margin = self.margin(q)
+        good = (off <= position_tolerance) & (turned <= rotation_tolerance) & (margin >= min_margin)
+        rows: list[int] = []
+        for pose in range(count):
+            kept: list[int] = []
+            for row in range(pose, len(q), count):
+                if len(kept) == per_pose:
+                    break
+                if good[row] and all(np.abs(q[row] - q[other]).max() > distinct for other in kept):
+                    kept.append(row)
+            rows += kept
+        chosen = np.array(rows, dtype=int)
+        return IkSolutions(chosen % max(count, 1), q[chosen], margin[chosen], off[chosen], turned[chosen])
+
+    def follow(
+        self,
+        q: np.ndarray,
+        targets: np.ndarray,
+        *,
+        iterations: int = 8,
+        position_tolerance: float = 1e-3,
+        rotation_tolerance: float = 1e-2,
+        max_step: float = 0.5,
+        min_margin: float = 0.02,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Continue from configurations along Cartesian paths, each waypoint starting from the one before.
+
+        Args:
+            q: Configurations before the first waypoint in [rad], shape (n, 7).
+            targets: Waypoints base_T_tool, shape (n, k, 4, 4), translations in [m].
+            iterations: Most iterations for one waypoint.
+            position_tolerance: Largest position error at a waypoint in [m].
+            rotation_tolerance: Largest rotation error at a waypoint in [rad].
+            max_step: A joint that changes more between waypoints has jumped to another branch, in [rad].
+            min_margin: Least distance to every joint limit in [rad].
+
+        Returns:
+            Joint paths in [rad], shape (n, k, 7), and whether every waypoint of a path was met, shape (n,). Rows of a
+            path that was not met are best efforts.
+
+        Raises:
+            ValueError: The arrays' shapes do not fit together.
+        """
+        n, k = targets.shape[:2]
+        if q.shape != (n, 7) or targets.shape != (n, k, 4, 4):
+            raise ValueError(f"need q (n, 7) and targets (n, k, 4, 4); got {q.shape} and {targets.shape}")
+        paths = np.empty((n, k, 7))
+        ok = np.ones(n, dtype=bool)
+        done = (position_tolerance / 4, rotation_tolerance / 4)
+        for i in range(k):
+            moved = self.iterate_ik(q, targets[:, i], iterations, done=done, margin=min_margin)
+            off, turned = self.errors(moved, targets[:, i])
+            jump = np.abs(moved - q).max(axis=1, initial=0.0)
+            ok &= (off <= position_tolerance) & (turned <= rotation_tolerance) & (jump <= max_step)
+            paths[:, i] = q = moved
+        return paths, ok
+
+    def iterate_ik(
+        self,
+        q: np.ndarray,
+        targets: np.ndarray,
+        iterations: int,
+        *,
+        pull: float = 0.0,
+        done: tuple[float, float] = (0.0, 0.0),
+        margin: float = 0.02,
+    ) -> np.ndarray:
+        """Damped least squares, every row towards its own pose.
+
+            dq = n + J^T (J J^T + l^2 I)^-1 (e - J n),  n = pull (REST_Q - q),  l = 0.02 min(1, |e| / 0.2) + 0.001
+
+        The error e is cut to 0.15 m and 0.6 rad per axis and the step to 0.25 rad per joint, so that far targets do
+        not throw the arm about; damping fades near the target, where convergence becomes quadratic. Joints stay
+        within their limits by clipping.
+
+        Args:
+            q: Start configurations in [rad], shape (n, 7).
+            targets: Poses base_T_tool, shape (n, 4, 4), translations in [m].
+            iterations: Number of steps.
+            pull: Strength of the pull towards REST_Q in the null space, per step.
+            done: Rows whose position error in [m] and rotation error in [rad] are below stop early.
+            margin: Distance kept to the joint limits in [rad].
+
+        Returns:
+            Configurations in [rad], shape (n, 7).
+        """
+        low, high = self.q_min + margin, self.q_max - margin
+        q = np.clip(q, low, high)
+        rest = np.array(REST_Q)
+        active = np.arange(len(q))
+        for _ in range(iterations):
+            now = q[active]
+            position, rotation, jacobian = self.jacobian(now)
+            error = _pose_error(position, rotation, targets[active])
+            off, turned = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+            far = (off > done[0]) | (turned > done[1])
+            if not far.all():
+                active, now, jacobian, error = active[far], now[far], jacobian[far], error[far]
+                if not len(active):
+                    break
+            damping = 0.02 * np.minimum(1.0, np.linalg.norm(error, axis=1) / 0.2) + 0.001
+            error[:, :3] = np.clip(error[:, :3], -0.15, 0.15)
+            error[:, 3:] = np.clip(error[:, 3:], -0.6, 0.6)
+            null = pull * (rest - now)
+            normal = jacobian @ jacobian.transpose(0, 2, 1)
+            normal[:, range(6), range(6)] += damping[:, None] ** 2
+            wanted = error[:, :, None] - jacobian @ null[:, :, None]
+            step = null + (jacobian.transpose(0, 2, 1) @ np.linalg.solve(normal, wanted))[:, :, 0]
+            q[active] = np.clip(now + np.clip(step, -0.25, 0.25), low, high)
+        return q
 
     def _chain(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], list[np.ndarray]]:
         """Tool position and rotation, and every joint's axis and origin."""
@@ -203,231 +346,7 @@ def default_seeds() -> np.ndarray:
     return seeds
 
 
-def solve_ik(
-    arm: ArmKinematics,
-    positions: np.ndarray,
-    rotations: np.ndarray,
-    seeds: np.ndarray | None = None,
-    *,
-    per_pose: int = 3,
-    iterations: int = 40,
-    min_margin: float = 0.03,
-    position_tolerance: float = 1e-4,
-    rotation_tolerance: float = 1e-3,
-    distinct: float = 0.35,
-) -> IkSolutions:
-    """Several different configurations for each of many tool poses.
-
-    Every pose is iterated from every seed: three quarters of the iterations with a weak pull towards REST_Q in the
-    null space, the rest without. Solutions of a pose are listed in the order of the seeds that found them.
-
-    Args:
-        arm: The arm.
-        positions: Tool positions in [m], shape (n, 3).
-        rotations: Tool rotations, shape (n, 3, 3).
-        seeds: Start configurations in [rad], shape (s, 7); `default_seeds()` by default.
-        per_pose: Most solutions to return for one pose.
-        iterations: Most iterations from one seed.
-        min_margin: Least distance to every joint limit in [rad].
-        position_tolerance: Largest position error of a solution in [m].
-        rotation_tolerance: Largest rotation error of a solution in [rad].
-        distinct: Two solutions of a pose differ by at least this in some joint, in [rad].
-
-    Raises:
-        ValueError: The arrays' shapes do not fit together.
-    """
-    positions, rotations = np.asarray(positions, float), np.asarray(rotations, float)
-    seeds = default_seeds() if seeds is None else np.asarray(seeds, float)
-    count = len(positions)
-    if positions.shape != (count, 3) or rotations.shape != (count, 3, 3) or seeds.shape[1:] != (7,):
-        raise ValueError(
-            f"need positions (n, 3), rotations (n, 3, 3) and seeds (s, 7); "
-            f"got {positions.shape}, {rotations.shape}, {seeds.shape}"
-        )
-    p, r = np.tile(positions, (len(seeds), 1)), np.tile(rotations, (len(seeds), 1, 1))
-    pulled = 3 * iterations // 4
-    q = iterate_ik(arm, np.repeat(seeds, count, axis=0), p, r, pulled, pull=0.003)
-    q = iterate_ik(arm, q, p, r, iterations - pulled, done=(position_tolerance / 2, rotation_tolerance / 2))
-    off, turned = arm.errors(q, p, r)
-    margin = arm.margin(q)
-    good = (off <= position_tolerance) & (turned <= rotation_tolerance) & (margin >= min_margin)
-    rows: list[int] = []
-    for pose in range(count):
-        kept: list[int] = []
-        for row in range(pose, len(q), count):
-            if len(kept) == per_pose:
-                break
-            if good[row] and all(np.abs(q[row] - q[other]).max() > distinct for other in kept):
-                kept.append(row)
-        rows += kept
-    chosen = np.array(rows, dtype=int)
-    return IkSolutions(chosen % max(count, 1), q[chosen], margin[chosen], off[chosen], turned[chosen])
-
-
-def follow(
-    arm: ArmKinematics,
-    q: np.ndarray,
-    positions: np.ndarray,
-    rotations: np.ndarray,
-    *,
-    iterations: int = 8,
-    position_tolerance: float = 1e-3,
-    rotation_tolerance: float = 1e-2,
-    max_step: float = 0.5,
-    min_margin: float = 0.02,
-) -> FollowedPaths:
-    """Continue from configurations along Cartesian paths, each waypoint starting from the one before.
-
-    Args:
-        arm: The arm.
-        q: Configurations before the first waypoint in [rad], shape (n, 7).
-        positions: Tool positions of the waypoints in [m], shape (n, k, 3).
-        rotations: Tool rotations of the waypoints, shape (n, k, 3, 3).
-        iterations: Most iterations for one waypoint.
-        position_tolerance: Largest position error at a waypoint in [m].
-        rotation_tolerance: Largest rotation error at a waypoint in [rad].
-        max_step: A joint that changes more between waypoints has jumped to another branch, in [rad].
-        min_margin: Least distance to every joint limit in [rad].
-
-    Raises:
-        ValueError: The arrays' shapes do not fit together.
-    """
-    n, k = positions.shape[:2]
-    if q.shape != (n, 7) or positions.shape != (n, k, 3) or rotations.shape != (n, k, 3, 3):
-        raise ValueError(
-            f"need q (n, 7), positions (n, k, 3) and rotations (n, k, 3, 3); "
-            f"got {q.shape}, {positions.shape}, {rotations.shape}"
-        )
-    path = np.empty((n, k, 7))
-    reached = np.empty((n, k), dtype=bool)
-    done = (position_tolerance / 4, rotation_tolerance / 4)
-    for i in range(k):
-        moved = iterate_ik(arm, q, positions[:, i], rotations[:, i], iterations, done=done, margin=min_margin)
-        off, turned = arm.errors(moved, positions[:, i], rotations[:, i])
-        jump = np.abs(moved - q).max(axis=1, initial=0.0)
-        reached[:, i] = (off <= position_tolerance) & (turned <= rotation_tolerance) & (jump <= max_step)
-        path[:, i] = q = moved
-    return FollowedPaths(path, reached)
-
-
-def iterate_ik(
-    arm: ArmKinematics,
-    q: np.ndarray,
-    positions: np.ndarray,
-    rotations: np.ndarray,
-    iterations: int,
-    *,
-    pull: float = 0.0,
-    done: tuple[float, float] = (0.0, 0.0),
-    margin: float = 0.02,
-) -> np.ndarray:
-    """Damped least squares, every row towards its own pose.
-
-        dq = n + J^T (J J^T + l^2 I)^-1 (e - J n),   n = pull (REST_Q - q),   l = 0.02 min(1, |e| / 0.2) + 0.001
-
-    The error e is cut to 0.15 m and 0.6 rad per axis and the step to 0.25 rad per joint, so that far targets do not
-    throw the arm about; damping fades near the target, where convergence becomes quadratic. Joints stay within their
-    limits by clipping.
-
-    Args:
-        arm: The arm.
-        q: Start configurations in [rad], shape (n, 7).
-        positions: Target positions in [m], shape (n, 3).
-        rotations: Target rotations, shape (n, 3, 3).
-        iterations: Number of steps.
-        pull: Strength of the pull towards REST_Q in the null space, per step.
-        done: Rows whose position error in [m] and rotation error in [rad] are below stop early.
-        margin: Distance kept to the joint limits in [rad].
-
-    Returns:
-        Configurations in [rad], shape (n, 7).
-    """
-    q = np.clip(q, arm.q_min + margin, arm.q_max - margin)
-    rest = np.array(REST_Q)
-    active = np.arange(len(q))
-    for _ in range(iterations):
-        now = q[active]
-        p, r, jacobian = arm.jacobian(now)
-        error = np.concatenate([positions[active] - p, rotation_log(rotations[active] @ r.transpose(0, 2, 1))], axis=1)
-        far = (np.linalg.norm(error[:, :3], axis=1) > done[0]) | (np.linalg.norm(error[:, 3:], axis=1) > done[1])
-        if not far.all():
-            active, now, jacobian, error = active[far], now[far], jacobian[far], error[far]
-            if not len(active):
-                break
-        damping = 0.02 * np.minimum(1.0, np.linalg.norm(error, axis=1) / 0.2) + 0.001
-        error[:, :3] = np.clip(error[:, :3], -0.15, 0.15)
-        error[:, 3:] = np.clip(error[:, 3:], -0.6, 0.6)
-        null = pull * (rest - now)
-        normal = jacobian @ jacobian.transpose(0, 2, 1)
-        normal[:, range(6), range(6)] += damping[:, None] ** 2
-        wanted = error[:, :, None] - jacobian @ null[:, :, None]
-        step = null + (jacobian.transpose(0, 2, 1) @ np.linalg.solve(normal, wanted))[:, :, 0]
-        q[active] = np.clip(now + np.clip(step, -0.25, 0.25), arm.q_min + margin, arm.q_max - margin)
-    return q
-
-
-def rotation_log(rotations: np.ndarray) -> np.ndarray:
-    """Rotation vectors: axis times angle, angle from 0 to pi, in [rad]; shape (..., 3, 3) → (..., 3).
-
-    With v = vee(R - R^T) / 2 = sin(a) axis and c = (tr R - 1) / 2 = cos(a), the log is v a / sin(a), a = atan2(|v|, c).
-    Near a = pi, where v vanishes, the axis is the column of (R + R^T) / 2 - c I = (1 - c) axis axis^T with the largest
-    diagonal, with the sign of v.
-    """
-    r = np.asarray(rotations, float)
-    v = 0.5 * np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1)
-    sine = np.linalg.norm(v, axis=-1)
-    cosine = 0.5 * (np.trace(r, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(sine, cosine)
-    result = v * (angle / np.where(sine > 1e-9, sine, 1.0))[..., None]
-    small = (sine <= 1e-9) & (cosine > 0)
-    result = np.where(small[..., None], v, result)
-    flipped = (cosine < 0) & (sine < 1e-3)
-    if np.any(flipped):
-        part, c = r[flipped], cosine[flipped]
-        outer = 0.5 * (part + part.transpose(0, 2, 1)) - c[:, None, None] * np.eye(3)
-        column = np.argmax(outer[:, range(3), range(3)], axis=1)
-        axis = outer[np.arange(len(part)), :, column]
-        axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-        sign = np.where(np.einsum("ni,ni->n", axis, v[flipped]) < 0.0, -1.0, 1.0)
-        result[flipped] = axis * (sign * angle[flipped])[:, None]
-    return result
-
-
-def rotation_exp(vectors: np.ndarray) -> np.ndarray:
-    """Rotations of rotation vectors in [rad], Rodrigues' formula; shape (..., 3) → (..., 3, 3).
-
-    R = I + sin(a)/a K + (1 - cos(a))/a^2 K^2 with K the cross-product matrix of the vector and a its length.
-    """
-    v = np.asarray(vectors, float)
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    k = np.zeros((*v.shape[:-1], 3, 3))
-    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    k -= np.swapaxes(k, -1, -2)
-    # np.sinc(x) = sin(pi x) / (pi x), defined at zero; (1 - cos a) / a^2 = sinc(a/2)^2 / 2.
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    return np.eye(3) + first * k + second * (k @ k)
-
-
-def straight_poses(
-    start_position: np.ndarray,
-    start_rotation: np.ndarray,
-    end_position: np.ndarray,
-    end_rotation: np.ndarray,
-    count: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Evenly spaced poses on straight lines with the rotation turning about one fixed axis; the start is left out.
-
-    Args:
-        start_position, end_position: In [m], shape (n, 3).
-        start_rotation, end_rotation: Shape (n, 3, 3).
-        count: Number of waypoints; the last is the end.
-
-    Returns:
-        Positions in [m], shape (n, count, 3), and rotations, shape (n, count, 3, 3).
-    """
-    share = np.arange(1, count + 1) / count
-    positions = start_position[:, None] + share[:, None] * (end_position - start_position)[:, None]
-    turn = rotation_log(end_rotation @ np.swapaxes(start_rotation, -1, -2))
-    rotations = rotation_exp(share[:, None] * turn[:, None]) @ start_rotation[:, None]
-    return positions, rotations
+def _pose_error(position: np.ndarray, rotation: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Translation in [m] over rotation vector in [rad], in base axes, that leads to the targets; shape (n, 6)."""
+    turn = rotation_log(targets[:, :3, :3] @ rotation.transpose(0, 2, 1))
+    return np.concatenate([targets[:, :3, 3] - position, turn], axis=1)
