@@ -1,0 +1,124 @@
+"""Rigid-body model of the Panda with Pinocchio: where the hand is, and what torques a motion takes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from control.errors import ConfigError
+from control.limits import JOINT_NAMES
+from control.robot_files import panda_urdf
+
+TCP_FRAME = "panda_hand_tcp"
+MAX_FINGER = 0.04  # [m], travel of one finger; the width between the pads is twice that
+
+
+class RobotModel:
+    """The arm with its fingers locked; the base frame is link 0.
+
+    Not safe to share between threads: Pinocchio keeps intermediate results in one buffer.
+
+    Args:
+        model: Pinocchio model with exactly the seven arm joints, in the order of JOINT_NAMES.
+        tcp_frame: Name of the frame of the tool centre point.
+
+    Raises:
+        ConfigError: The model has other joints, or no such frame.
+    """
+
+    def __init__(self, model: Any, tcp_frame: str = TCP_FRAME) -> None:
+        import pinocchio  # pyright: ignore[reportMissingImports] -- its path is added by a .pth file
+
+        joints = tuple(model.names)[1:]
+        if joints != JOINT_NAMES:
+            raise ConfigError(f"the robot model has joints {joints}; it needs exactly {JOINT_NAMES}")
+        if not model.existFrame(tcp_frame):
+            raise ConfigError(f"the robot model has no frame '{tcp_frame}'; it has {[f.name for f in model.frames]}")
+        self._pin = pinocchio
+        self._model = model
+        self._data = model.createData()
+        self._tcp = model.getFrameId(tcp_frame)
+
+    @classmethod
+    def panda(
+        cls,
+        payload_mass: float = 0.0,
+        payload_com: Sequence[float] = (0.0, 0.0, 0.0),
+        finger_width: float = 0.08,
+    ) -> "RobotModel":
+        """The Panda with its hand, as example-robot-data describes it.
+
+        Args:
+            payload_mass: Mass of a carried object in [kg], taken as a point.
+            payload_com: Its centre of mass in the tcp frame in [m], shape (3,).
+            finger_width: Distance between the pads in [m] at which the fingers are locked, 0..0.08.
+
+        Raises:
+            ConfigError: A mass or width out of range, or the description is not installed.
+        """
+        import pinocchio  # pyright: ignore[reportMissingImports] -- its path is added by a .pth file
+
+        if not (np.isfinite(payload_mass) and payload_mass >= 0.0):
+            raise ConfigError(f"payload_mass is {payload_mass} kg; it must be a number >= 0")
+        if not 0.0 <= finger_width <= 2 * MAX_FINGER:
+            raise ConfigError(f"finger_width is {finger_width} m; the hand opens from 0 to {2 * MAX_FINGER} m")
+        full = pinocchio.buildModelFromUrdf(str(panda_urdf()))
+        fingers = [name for name in full.names if "finger" in name]
+        reference = pinocchio.neutral(full)
+        for name in fingers:
+            reference[full.joints[full.getJointId(name)].idx_q] = finger_width / 2
+        model = pinocchio.buildReducedModel(full, [full.getJointId(name) for name in fingers], reference)
+        if payload_mass > 0.0:
+            frame = model.frames[model.getFrameId(TCP_FRAME)]
+            point = pinocchio.Inertia(payload_mass, np.asarray(payload_com, float), np.zeros((3, 3)))
+            model.inertias[frame.parentJoint] += frame.placement.act(point)
+        return cls(model)
+
+    def tcp_pose(self, q: np.ndarray) -> np.ndarray:
+        """Pose of the tool centre point, base_T_tcp, shape (4, 4), at joint positions in [rad], shape (7,)."""
+        self._pin.forwardKinematics(self._model, self._data, np.asarray(q, float))
+        return self._pin.updateFramePlacement(self._model, self._data, self._tcp).homogeneous.copy()
+
+    def tcp_poses(self, q: np.ndarray) -> np.ndarray:
+        """Poses base_T_tcp, shape (n, 4, 4), at joint positions in [rad], shape (n, 7)."""
+        out = np.empty((len(q), 4, 4))
+        for k, row in enumerate(np.ascontiguousarray(q, dtype=float)):
+            self._pin.forwardKinematics(self._model, self._data, row)
+            out[k] = self._pin.updateFramePlacement(self._model, self._data, self._tcp).homogeneous
+        return out
+
+    def tcp_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Jacobian of the tool centre point, shape (6, 7): rows are linear [m/rad], then angular; axes of the base."""
+        aligned = self._pin.LOCAL_WORLD_ALIGNED
+        jacobian = self._pin.computeFrameJacobian(self._model, self._data, np.asarray(q, float), self._tcp, aligned)
+        return np.array(jacobian)
+
+    def tcp_jacobians(self, q: np.ndarray) -> np.ndarray:
+        """`tcp_jacobian` at every row of q in [rad], shape (n, 7); returns shape (n, 6, 7)."""
+        out = np.empty((len(q), 6, 7))
+        for k, row in enumerate(np.ascontiguousarray(q, dtype=float)):
+            out[k] = self.tcp_jacobian(row)
+        return out
+
+    def torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Joint torques tau = M(q) qdd + C(q, qd) qd + g(q) by the recursive Newton-Euler algorithm, in [Nm].
+
+        Args:
+            q, qd, qdd: In [rad], [rad/s], [rad/s^2], each of shape (7,) or (n, 7).
+
+        Returns:
+            Torques of the same shape; friction is not modelled.
+        """
+        q, qd, qdd = (np.ascontiguousarray(x, dtype=float) for x in (q, qd, qdd))
+        rnea, model, data = self._pin.rnea, self._model, self._data
+        if q.ndim == 1:
+            return np.array(rnea(model, data, q, qd, qdd))
+        out = np.empty_like(q)
+        for k in range(len(q)):
+            out[k] = rnea(model, data, q[k], qd[k], qdd[k])
+        return out
+
+    def gravity(self, q: np.ndarray) -> np.ndarray:
+        """Torques g(q) that hold the arm still in [Nm]; q in [rad], shape (7,) or (n, 7)."""
+        zero = np.zeros_like(np.asarray(q, dtype=float))
+        return self.torque(q, zero, zero)
