@@ -14,22 +14,21 @@ from control.certificate import Certificate
 from control.errors import RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface.errors import MessageError
+from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
     CellInfo,
-    FrameMessage,
     FrameRequest,
     InfoRequest,
-    MotionResult,
     ResultRequest,
     RobotState,
     StateRequest,
     StopRequest,
-    TrajectoryRequest,
     Truth,
     TruthRequest,
 )
+from hw_interface.motion_messages import MotionResult, TrajectoryRequest
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,

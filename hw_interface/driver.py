@@ -21,7 +21,8 @@ from control.errors import RefusedError, StackError
 from control.trajectory import SAMPLE_TIME, Trajectory
 from hw_interface.backend import Measured, RobotBackend
 from hw_interface.gate import Gate
-from hw_interface.messages import Accepted, Mode, MotionResult, RobotState, Trouble
+from hw_interface.messages import Accepted, Mode, RobotState, Trouble
+from hw_interface.motion_messages import MotionResult
 from hw_interface.stop_samples import stopping_samples
 from hw_interface.supervisor import SupervisionLimits, Supervisor
 
@@ -76,6 +77,7 @@ class Driver:
         self._backend = backend
         self._supervision = supervision or SupervisionLimits()
         self._clock = clock
+        self._begun = clock()
         self._measured: Measured = backend.read()
         self._q_d = np.array(self._measured.q, float)
         self._at_rest = np.zeros_like(self._q_d)
@@ -110,6 +112,12 @@ class Driver:
             why = f" ({self._trouble.reason})" if self._trouble else ""
             raise RefusedError("needs_acknowledge", f"the robot has {self._mode}{why}; acknowledge that first")
         accepted = self.gate.check(trajectory, certificate, self._q_d, self._measured, self._clock(), self._used)
+        if accepted.scene_stamp < self._begun:
+            # Serials that an earlier run of this process has played are forgotten, so its certificates end with it.
+            raise RefusedError(
+                "scene_too_old",
+                "the motion was judged on a frame from before this robot process started; look again and plan anew",
+            )
         motion = _Motion(
             trajectory,
             accepted.serial,

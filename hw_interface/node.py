@@ -13,19 +13,19 @@ import zenoh
 
 from control.errors import RefusedError
 from hw_interface.driver import Driver
+from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import (
     AcknowledgeRequest,
     CellInfo,
-    FrameMessage,
     FrameRequest,
     InfoRequest,
     ResultRequest,
     StateRequest,
     StopRequest,
-    TrajectoryRequest,
     Truth,
     TruthRequest,
 )
+from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -44,7 +44,7 @@ from hw_interface.transport import (
 from hw_interface.wire import encode
 from perception.frames import RgbdFrame
 
-STATE_PERIOD = 0.015  # [s]; comfortably above 50 states a second
+STATE_PERIOD = 0.014  # [s]; comfortably above 50 states a second
 
 
 class RobotNode:

@@ -6,16 +6,18 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
+from hw_interface.messages import Truth
 from hw_interface.node import RobotNode
+from perception.frames import RgbdFrame
 
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
-IDLE_BURST = 0.02  # [s]; at rest a coarser beat keeps the idle load low
+IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
 MOST_LATE = 0.05  # [s] of wall time that are caught up after a delay
 FROZEN_AFTER = 1.0  # [s]; a loop that stood still this long (a suspended process) must not go on with a motion
 PARENT_CHECK = 0.25  # [s]
@@ -72,6 +74,35 @@ class Leash:
         except PermissionError:
             pass
         return False
+
+
+def serve_robot(
+    driver: Driver,
+    cameras: tuple[str, ...],
+    take_frame: Callable[[str], RgbdFrame],
+    *,
+    endpoint: str,
+    speed: float,
+    leash: Leash,
+    truth: Callable[[], Truth] | None = None,
+) -> None:
+    """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.
+
+    Args:
+        driver, cameras, take_frame, endpoint, truth: As in `RobotNode`.
+        speed: As in `run_loop`.
+        leash: When to end.
+
+    Raises:
+        ConfigError: Endpoint, port or speed are not valid.
+    """
+    with leash.signals():
+        node = RobotNode(driver, cameras, take_frame, endpoint, truth)
+        try:
+            announce(node, driver)
+            run_loop(driver, node, leash, speed)
+        finally:
+            node.close()
 
 
 def announce(node: RobotNode, driver: Driver) -> None:

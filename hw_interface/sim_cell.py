@@ -10,8 +10,7 @@ from control.safety import SafetyLimits
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
 from hw_interface.messages import ObjectTruth, Truth
-from hw_interface.node import RobotNode
-from hw_interface.pacing import Leash, announce, run_loop
+from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
 from hw_interface.transport import DEFAULT_ENDPOINT
@@ -24,7 +23,7 @@ class CellWorld(Protocol):
     Attributes:
         model, data: MuJoCo model and state; the robot carries the names of `control.twin_model`.
         object_names: Bodies that a scorer may ask for.
-        cameras: Names to render.
+        cameras: Cameras to render; each has a `name`.
     """
 
     model: Any
@@ -89,11 +88,13 @@ def run_sim_cell(
         )
         return Truth(stamp=time.time(), objects=poses)
 
-    leash = leash or Leash(parent_pid)
-    with leash.signals():
-        node = RobotNode(driver, tuple(world.cameras), take_frame, endpoint, truth if score else None)
-        try:
-            announce(node, driver)
-            run_loop(driver, node, leash, speed)
-        finally:
-            node.close()
+    cameras = tuple(camera.name for camera in world.cameras)
+    serve_robot(
+        driver,
+        cameras,
+        take_frame,
+        endpoint=endpoint,
+        speed=speed,
+        truth=truth if score else None,
+        leash=leash or Leash(parent_pid),
+    )

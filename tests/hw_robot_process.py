@@ -1,0 +1,54 @@
+"""A robot process for tests: `python -m tests.hw_robot_process perfect|simulated ENDPOINT SPEED PARENT_PID`."""
+
+import sys
+import time
+
+import numpy as np
+
+from hw_interface.messages import ObjectTruth, Truth
+from hw_interface.pacing import Leash, serve_robot
+from tests.hw_support import blank_frame, gate, perfect_driver
+
+CUBE = 0.04  # [m]
+
+
+def run_perfect(endpoint: str, speed: float, parent: int) -> None:
+    """A robot without physics; its truth is one motionless thing."""
+    driver, _ = perfect_driver()
+    truth = Truth(stamp=time.time(), objects=(ObjectTruth(name="red_cube", world_T_object=np.eye(4)),))
+    serve_robot(
+        driver,
+        ("front", "side"),
+        blank_frame,
+        endpoint=endpoint,
+        speed=speed,
+        leash=Leash(parent),
+        truth=lambda: truth,
+    )
+
+
+def run_simulated(endpoint: str, speed: float, parent: int) -> None:
+    """A Panda over a table with one cube below its hand, as physics has it."""
+    from control.limits import panda_limits
+    from control.safety import SafetyLimits
+    from hw_interface.sim_cell import run_sim_cell
+    from tests.hw_sim_world import CubeWorld
+    from tests.hw_support import LIMITS_HASH, PROFILE
+
+    run_sim_cell(
+        CubeWorld(),
+        cell_name="test",
+        profile=PROFILE,
+        limits_hash=LIMITS_HASH,
+        robot_limits=panda_limits(),
+        safety=SafetyLimits(),
+        endpoint=endpoint,
+        speed=speed,
+        score=True,
+        parent_pid=parent,
+    )
+
+
+if __name__ == "__main__":
+    kind, endpoint, speed, parent = sys.argv[1:]
+    {"perfect": run_perfect, "simulated": run_simulated}[kind](endpoint, float(speed), int(parent))

@@ -1,0 +1,115 @@
+"""Messages: what comes out is what went in, and nothing malformed gets through."""
+
+import msgpack
+import numpy as np
+import pytest
+
+from hw_interface.errors import MessageError
+from hw_interface.frame_message import FrameMessage
+from hw_interface.messages import RobotState, StopRequest
+from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode
+from tests.hw_support import blank_frame, certificate, joined, perfect_driver, swing
+from control.limits import REST_Q
+from control.trajectory import GripperCommand
+
+
+def envelope(kind: str, body: object, protocol: object = PROTOCOL_VERSION) -> bytes:
+    data = msgpack.packb({"protocol": protocol, "type": kind, "body": body})
+    assert data is not None
+    return data
+
+
+def trajectory_body() -> dict:
+    motion = swing(0.1)
+    return msgpack.unpackb(encode(TrajectoryRequest.of(motion, certificate(motion))))["body"]
+
+
+def test_a_trajectory_arrives_bit_for_bit():
+    q = np.array(REST_Q) + np.array([[0.0], [0.1], [0.0]])
+    motion = joined(q, [GripperCommand("grasp", 0.04, 30.0), GripperCommand("move", 0.08)], held=(None, "red_cube"))
+    sent = certificate(motion)
+    received = decode(encode(TrajectoryRequest.of(motion, sent)), TrajectoryRequest)
+    assert received.trajectory().content_hash() == motion.content_hash()
+    assert received.trajectory().gripper == motion.gripper
+    assert received.certificate_or_none() == sent
+
+
+def test_a_frame_arrives_unchanged_with_its_unknown_depth():
+    frame = blank_frame("front")
+    depth = frame.depth.copy()
+    depth[3, 4] = np.nan
+    frame = type(frame)(frame.colour, depth, frame.intrinsics, frame.world_T_camera, frame.stamp, "front")
+    received = decode(encode(FrameMessage.of(frame)), FrameMessage).frame()
+    np.testing.assert_array_equal(received.depth, depth)
+    np.testing.assert_array_equal(received.colour, frame.colour)
+    assert (received.intrinsics, received.stamp, received.camera) == (frame.intrinsics, frame.stamp, "front")
+
+
+def test_a_state_arrives_unchanged():
+    driver, _ = perfect_driver()
+    state = driver.state()
+    assert decode(encode(state), RobotState) == state
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), envelope("stop_request", {})[:-1]])
+def test_bytes_that_are_no_message_are_refused(data: bytes):
+    with pytest.raises(MessageError, match="message field 'message'"):
+        decode(data, StopRequest)
+
+
+def test_every_truncation_of_a_message_is_refused():
+    data = encode(StopRequest(reason="operator"))
+    for length in range(len(data)):
+        with pytest.raises(MessageError):
+            decode(data[:length], StopRequest)
+
+
+def test_another_protocol_version_is_named_with_what_to_do():
+    with pytest.raises(MessageError, match=r"'protocol': version 2 .*speaks version 1.*same release"):
+        decode(envelope("stop_request", {"reason": ""}, protocol=2), StopRequest)
+
+
+def test_a_message_of_another_type_is_refused():
+    with pytest.raises(MessageError, match="'type': is 'state_request'; 'stop_request' was expected"):
+        decode(envelope("state_request", {}), StopRequest)
+
+
+def test_an_unknown_field_is_named():
+    with pytest.raises(MessageError, match="'hurry'"):
+        decode(envelope("stop_request", {"reason": "", "hurry": True}), StopRequest)
+
+
+def test_too_large_a_message_is_refused_before_it_is_parsed():
+    with pytest.raises(MessageError, match=f"at most {MAX_MESSAGE_BYTES}"):
+        decode(b"\0" * (MAX_MESSAGE_BYTES + 1), StopRequest)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"q": 3}, "q"),
+        ({"q": {"dtype": "<f8", "shape": [10, 7], "data": b"\0" * 8}}, "q"),
+        ({"q": {"dtype": "<f4", "shape": [1, 7], "data": b"\0" * 28}}, "q"),
+        ({"q": {"dtype": "O", "shape": [1, 7], "data": b"\0" * 56}}, "q"),
+        ({"qd": {"dtype": "<f8", "shape": [-1, 7], "data": b""}}, "qd"),
+        ({"qd": {"dtype": "<f8", "shape": [2**62, 2**62], "data": b""}}, "qd"),
+        ({"qdd": {"dtype": "<f8", "shape": [2, 7], "data": np.full(14, np.nan).tobytes()}}, "qdd"),
+        ({"joint_names": ["a"] * 7}, "joint_names"),
+        ({"gripper": [{"time": -1.0, "dwell": 0.1, "kind": "move", "width": 0.0, "force": 0.0}]}, "gripper.0.time"),
+        ({"gripper": [{"time": 0.0, "dwell": 0.1, "kind": "crush", "width": 0.0, "force": 0.0}]}, "gripper.0.kind"),
+        ({"certificate": {}}, "certificate.serial"),
+        ({"certificate": {"expires": float("inf")}}, "certificate"),
+    ],
+)
+def test_a_malformed_field_of_a_trajectory_is_named(change: dict, field: str):
+    with pytest.raises(MessageError) as caught:
+        decode(envelope("trajectory_request", trajectory_body() | change), TrajectoryRequest).trajectory()
+    assert caught.value.field.startswith(field)
+
+
+def test_arrays_of_different_lengths_are_no_trajectory():
+    body = trajectory_body()
+    body["qd"] = {"dtype": "<f8", "shape": [3, 7], "data": np.zeros(21).tobytes()}
+    with pytest.raises(MessageError, match=r"qd has shape \(3, 7\), q has \(101, 7\)"):
+        decode(envelope("trajectory_request", body), TrajectoryRequest).trajectory()
