@@ -42,9 +42,9 @@ class FreeView:
         elevation_deg: Direction of view against the horizon in [degrees]; negative looks down.
     """
 
-    look_at: tuple[float, float, float] = (0.35, 0.0, 0.22)
-    distance: float = 1.45
-    azimuth_deg: float = 140.0
+    look_at: tuple[float, float, float] = (0.32, 0.0, 0.30)
+    distance: float = 1.42
+    azimuth_deg: float = 148.0
     elevation_deg: float = -24.0
 
 
@@ -62,6 +62,7 @@ class Offscreen:
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, collision: bool = False) -> None:
         self._model = model
+        self._closed = False
         _, self._context = _open_context(width, height)
         self._context.make_current()
         self._mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -83,11 +84,11 @@ class Offscreen:
 
     def close(self) -> None:
         """Free what the graphics driver holds."""
-        if self._context is not None:
+        if not self._closed:
             self._context.make_current()
             self._mjr.free()
             self._context.free()
-            self._context = None
+            self._closed = True
 
     def picture(
         self, data: mujoco.MjData, view: str | FreeView, width: int, height: int

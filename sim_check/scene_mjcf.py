@@ -143,8 +143,9 @@ def set_rendering(spec: mujoco.MjSpec, width: int, height: int) -> None:
     spec.visual.global_.offheight = height
 
 
-def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
-    """What stands around, as pictures only: a laminate table top on legs, a floor, the sky of a bright room."""
+def add_sky(spec: mujoco.MjSpec) -> None:
+    """The light of a bright room behind everything, and the same colour where the floor fades into it."""
+    spec.visual.rgba.haze = [0.62, 0.64, 0.66, 1.0]
     spec.add_texture(
         name="room",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -154,6 +155,10 @@ def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
         width=64,
         height=64,
     )
+
+
+def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
+    """What stands around, as pictures only: a laminate table top on legs and a floor."""
     _add_material(spec, "laminate", [0.66, 0.66, 0.64], [0.58, 0.58, 0.57], 6.0, 0.25)
     _add_material(spec, "concrete", [0.40, 0.41, 0.43], [0.36, 0.37, 0.39], 3.0, 0.05)
     half = (0.72, 0.85, 0.018)
@@ -165,7 +170,7 @@ def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
             _add_picture(table, (0.025, 0.025, 0.35), leg, rgba=[0.25, 0.26, 0.28, 1.0])
     table.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[6.0, 6.0, 0.05],
+        size=[0.0, 0.0, 0.05],
         pos=[0.0, 0.0, -0.74],
         material="concrete",
         group=PICTURE_GROUP,

@@ -44,11 +44,11 @@ def settle(model: mujoco.MjModel, data: mujoco.MjData, longest: float = 1.5, cal
             data.qvel[:] *= 0.2
         if step % cut == cut - 1:
             still = still + 1 if not _moving(data, bodies) else 0
-            if still >= 3 and data.time - start >= calm:
+            if (still >= 3 and data.time - start >= calm) or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
                 break
     moving = _moving(data, bodies)
     if moving:
-        other = _partners(model, data, moving[0])
+        other = touching(model, data, moving[0])
         raise StackError(
             f"'{moving[0]}' does not come to rest{f' against {other}' if other else ''} within {longest} s; "
             "its estimated pose or size is likely wrong: look again from another side"
@@ -89,15 +89,15 @@ def _moving(data: mujoco.MjData, bodies: dict[str, int]) -> list[str]:
     return sorted((n for n, v in speed.items() if not v < STILL), key=lambda n: -speed[n])
 
 
-def _partners(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> str:
-    """Names of what touches a body, for a message."""
+def touching(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> str:
+    """Names of what touches a body, for a message; empty when nothing does."""
     body = model.body(name).id
-    touching = set()
+    partners = set()
     for contact in data.contact[: data.ncon]:
         pair = [int(model.geom_bodyid[g]) for g in contact.geom]
         if body in pair:
-            touching.add(model.body(pair[0] if pair[1] == body else pair[1]).name)
-    return ", ".join(f"'{n}'" for n in sorted(touching))
+            partners.add(model.body(pair[0] if pair[1] == body else pair[1]).name)
+    return ", ".join(f"'{n}'" for n in sorted(partners))
 
 
 def move_apart(

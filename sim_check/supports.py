@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from control.errors import StackError
 from sim_check.object_library import ObjectModel, object_model
 
 # Gap or overlap with its support, in [m], that is taken for an error of the inferred bottom: the box is made taller or
 # shorter and its top stays. A larger gap means that the whole thing was perceived too high: it is lowered.
 BOTTOM_ERROR = 0.012
+# A thing that seems to float this far above any support, in [m], is in the hand or on something that was not perceived.
+FLOATING = 0.10
 # A thing cannot be lower than this share of its perceived height once its bottom is corrected.
 LEAST_HEIGHT = 0.35
 _AIR = 2e-4  # left under things for the contact to close, in [m]
@@ -52,6 +55,9 @@ def set_down(things: list[Standing], table: float) -> list[Standing]:
 
     Returns:
         The same things, in the order of their tops.
+
+    Raises:
+        StackError: A thing floats more than `FLOATING` above anything that could carry it.
     """
     placed: list[Standing] = []
     for s in sorted((replace(s, pose=upright(s.pose)) for s in things), key=lambda s: (_container_first(s), s.top)):
@@ -97,6 +103,11 @@ def _support_height(s: Standing, other: Standing) -> float:
 def _on(s: Standing, support: float) -> Standing:
     """The thing with its bottom at a height in [m]."""
     gap = s.bottom - support
+    if gap > FLOATING:
+        raise StackError(
+            f"'{s.thing.name}' was perceived {gap * 1e3:.0f} mm above anything that could carry it; "
+            "say that it is held if the hand has it, else look again"
+        )
     height = s.top - support
     stretch = gap < BOTTOM_ERROR and height >= LEAST_HEIGHT * s.thing.extents[2]
     if stretch and not s.thing.rolls and not s.thing.container:

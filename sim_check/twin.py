@@ -17,7 +17,6 @@ from control.twin_model import (
     ARM_JOINTS,
     FINGER_BODIES,
     FINGER_JOINTS,
-    GRIPPER_ACTUATOR,
     TCP_SITE,
     TwinModel,
     TwinObject,
@@ -26,15 +25,26 @@ from perception.estimates import ObjectEstimate, SceneEstimate
 from sim_check.cells import CellConfig
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
-from sim_check.scene_mjcf import add_lights, add_object, add_table, place_robot, pose_of, quat_of, set_rendering
-from sim_check.settling import DEEPEST, deepest_overlap, free_bodies, move_apart, settle
+from sim_check.scene_mjcf import (
+    add_lights,
+    add_object,
+    add_sky,
+    add_table,
+    place_robot,
+    pose_of,
+    quat_of,
+    set_rendering,
+)
+from sim_check.settling import free_bodies, move_apart, settle, touching
 from sim_check.supports import Standing, set_down
 
 TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
 MAX_WIDTH = 0.08  # of the gripper in [m]
-# Furthest that settling may carry a thing from where it was perceived and set down, in [m]. A fruit may roll to the
-# middle of a bowl; nothing else should travel.
+# Furthest that moving apart and settling may carry a thing from where it was perceived and set down, in [m]; where
+# there is a container, its radius is added, for a fruit may roll to its middle.
 MAX_DRIFT = 0.03
+# Furthest that an object in the hand is moved to lie in the middle between the pads, in [m].
+MAX_RECENTRE = 0.02
 # Least spreads of a perturbed twin: perception's own figures leave out calibration.
 POSITION_FLOOR, YAW_FLOOR = 0.002, np.deg2rad(1.5)
 FRICTION_SPREAD, MASS_SPREAD, GAIN_SPREAD = 0.3, 0.3, 0.07
@@ -64,6 +74,9 @@ def build_twin(
         raise ConfigError(f"arm joints of a twin have shape (7,), not {q.shape}")
     if held is not None and scene.get(held) is None:
         raise StackError(f"'{held}' should be in the hand but was not perceived; perceived were {sorted(scene.names)}")
+    for e in scene.objects:
+        if not (np.all(np.isfinite(e.world_T_object)) and np.all(np.isfinite(e.extents))):
+            raise StackError(f"the pose or the size of '{e.name}' is not finite; look again")
     standing = [Standing(object_model(e.name, e.extents, e.shape), np.array(e.world_T_object)) for e in scene.objects]
     placed = set_down([s for s in standing if s.thing.name != held], scene.support_height)
     placed += [s for s in standing if s.thing.name == held]
@@ -74,6 +87,7 @@ def build_twin(
     place_robot(spec, cell.robot)
     spec.option.timestep = TWIN_STEP
     add_table(spec, scene.support_height)
+    add_sky(spec)
     add_lights(spec)
     set_rendering(spec, 640, 480)
     for s in placed:
@@ -160,6 +174,7 @@ def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
     """
     model, name = twin.model, str(twin.held)
     qpos = _robot_qpos(twin, qpos, MAX_WIDTH)
+    perceived = _position(model, qpos, name)
     data = mujoco.MjData(model)
     for _ in range(2):  # the second round measures again at the centred pose
         data.qpos[:] = qpos
@@ -169,7 +184,8 @@ def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
         # The left finger opens towards +y of the hand.
         _shift_position(model, qpos, name, across * (gaps[0] - gaps[1]) / 2)
     width = MAX_WIDTH - sum(gaps)
-    if not 0.0 < width <= MAX_WIDTH or max(gaps) > MAX_WIDTH / 2:
+    moved = float(np.linalg.norm(_position(model, qpos, name) - perceived))
+    if not 0.0 < width < MAX_WIDTH or moved > MAX_RECENTRE:
         raise StackError(
             f"'{name}' should be in the hand, but as perceived it is not between the pads; open the hand, or look again"
         )
@@ -191,20 +207,21 @@ def _rest(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
     """
     model = twin.model
     data = replace(twin, qpos=qpos).start()
-    move_apart(model, data, fixed=frozenset({twin.held} if twin.held else ()))
     before = {name: data.body(name).xpos.copy() for name in free_bodies(model)}
+    move_apart(model, data, fixed=frozenset({twin.held} if twin.held else ()))
     settle(model, data)
-    for name, position in before.items():
-        thing = twin.get(name)
-        drift = float(np.linalg.norm(data.body(name).xpos - position))
-        allowed = MAX_DRIFT + max((o.inner_radius for o in twin.objects if o.name != name), default=0.0)
-        if thing is not None and drift > allowed:
-            raise StackError(
-                f"'{name}' does not stay where it was perceived: in the twin it moves {drift * 1e3:.0f} mm; "
-                "its pose or size is likely wrong: look again from another side"
-            )
     if twin.held is not None:
         _check_held(model, data, twin.held)
+    into = max((o.inner_radius for o in twin.objects), default=0.0)
+    for name, position in before.items():
+        drift = float(np.linalg.norm(data.body(name).xpos - position))
+        if drift > MAX_DRIFT + into:
+            others = touching(model, data, name)
+            against = f", against {others}" if others else ""
+            raise StackError(
+                f"'{name}' cannot be where it was perceived: in the twin it ends {drift * 1e3:.0f} mm from there"
+                f"{against}; its pose or size is likely wrong: look again from another side"
+            )
     settled = data.qpos.copy()
     if twin.held is None:
         settled = _robot_qpos(twin, settled, twin.gripper_width)
@@ -214,12 +231,12 @@ def _rest(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
 def _check_held(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> None:
     body = model.body(name).id
     fingers = {model.body(f).id for f in FINGER_BODIES}
-    touching = set()
+    against = set()
     for contact in data.contact[: data.ncon]:
         pair = {int(model.geom_bodyid[g]) for g in contact.geom}
         if body in pair:
-            touching |= pair & fingers
-    if touching != fingers:
+            against |= pair & fingers
+    if against != fingers:
         raise StackError(f"'{name}' does not stay between the pads in the twin; look again, or open the hand")
 
 
@@ -258,6 +275,11 @@ def _shift(model: mujoco.MjModel, qpos: np.ndarray, name: str, offset: np.ndarra
     _shift_position(model, qpos, name, np.array([offset[0], offset[1], 0.0]))
     turn = pose_of(np.zeros(3), np.array([np.cos(offset[2] / 2), 0.0, 0.0, np.sin(offset[2] / 2)]))
     qpos[at + 3 : at + 7] = quat_of(turn @ pose_of(np.zeros(3), qpos[at + 3 : at + 7]))
+
+
+def _position(model: mujoco.MjModel, qpos: np.ndarray, name: str) -> np.ndarray:
+    at = int(model.joint(name).qposadr[0])
+    return qpos[at : at + 3].copy()
 
 
 def _shift_position(model: mujoco.MjModel, qpos: np.ndarray, name: str, offset: np.ndarray) -> None:

@@ -16,12 +16,13 @@ from sim_check.cells import CellConfig, DepthNoiseConfig, PlacementConfig, Simul
 from sim_check.depth_noise import stereo_depth
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
-from sim_check.render import CameraView, Offscreen
+from sim_check.render import CameraView, FreeView, Offscreen
 from sim_check.scene_mjcf import (
     add_camera,
     add_lights,
     add_object,
     add_room,
+    add_sky,
     add_table,
     place_robot,
     pose_of,
@@ -70,7 +71,7 @@ class World:
         """
         if name not in self.objects:
             raise ConfigError(f"the simulated cell has no object '{name}'; it has {sorted(self.objects)}")
-        body = (data or self.data).body(name)
+        body = (self.data if data is None else data).body(name)
         return pose_of(body.xpos, body.xquat)
 
     def render(
@@ -94,20 +95,32 @@ class World:
         view = next((c for c in self.cameras if c.name == camera_name), None)
         if view is None:
             raise ConfigError(f"there is no camera '{camera_name}'; there are {[c.name for c in self.cameras]}")
-        data = data or self.data
-        if self._renderer is None:
-            widest = max(c.intrinsics.width for c in self.cameras)
-            highest = max(c.intrinsics.height for c in self.cameras)
-            self._renderer = Offscreen(self.model, widest, highest)
+        state = self.data if data is None else data
         lens = view.intrinsics
-        colour, depth = self._renderer.picture(data, camera_name, lens.width, lens.height)
+        colour, depth = self._offscreen().picture(state, camera_name, lens.width, lens.height)
         if self.depth_noise is not None:
             depth = stereo_depth(depth, lens.fx, self.depth_noise, self._noise_rng)
-        camera = data.camera(camera_name)
+        camera = self.model.camera(camera_name).id
         pose = np.eye(4)
-        pose[:3, :3] = camera.xmat.reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
-        pose[:3, 3] = camera.xpos
+        pose[:3, :3] = state.cam_xmat[camera].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
+        pose[:3, 3] = state.cam_xpos[camera]
         return colour, depth, pose, lens
+
+    def spectator(self, view: FreeView | None = None, width: int = 640, height: int = 480) -> np.ndarray:
+        """Colour picture from where no camera of the cell stands, for reports; uint8, shape (height, width, 3).
+
+        At most as large as the largest camera's pictures.
+
+        Raises:
+            ConfigError: No way to render on this machine.
+        """
+        return self._offscreen().picture(self.data, view or FreeView(), width, height)[0]
+
+    def _offscreen(self) -> Offscreen:
+        if self._renderer is None:
+            lenses = [c.intrinsics for c in self.cameras]
+            self._renderer = Offscreen(self.model, max(c.width for c in lenses), max(c.height for c in lenses))
+        return self._renderer
 
     def close(self) -> None:
         """Free the graphics context."""
@@ -139,6 +152,7 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
     place_robot(spec, cell.robot)
     spec.option.timestep = TRUTH_STEP
     add_room(spec, add_table(spec))
+    add_sky(spec)
     add_lights(spec)
     for thing, pose in zip(things, poses, strict=True):
         add_object(spec, thing, pose, pictures=True)
