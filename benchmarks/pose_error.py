@@ -103,7 +103,7 @@ def summary(errors: list[PoseError]) -> dict[str, float]:
 
 def main() -> None:
     """Parse, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Pose error against truth over seeded simulated cells")
     parser.add_argument("--seeds", type=int, default=10, help="seeds per cell")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--cameras", nargs="+", default=["static"])

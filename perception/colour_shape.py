@@ -79,7 +79,7 @@ class ColourShapeDetector:
         size = self.settings.bridge_px
         whole = cv2.morphologyEx(pixels.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         # Cut first, close afterwards: closing must not join two things across the step between them.
-        core = whole & ~steps
+        core = np.where(steps, 0, whole).astype(np.uint8)
         core = cv2.morphologyEx(core, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(core, connectivity=8)
         blobs = []

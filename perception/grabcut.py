@@ -22,13 +22,15 @@ class GrabCutSettings:
         iterations: Of GrabCut.
         rim: Width of the probable background around the box, as a share of its longer side.
         margin: Width of the sure background around the rim, as a share of the longer side.
-        clearance: Pixels lower than this above the support are not the thing, in [m].
+        clearance: Pixels lower than this above the support may be the support, in [m].
+        foot_px: Low pixels this near to higher ones may be the thing's foot and are left to colour, in [px].
     """
 
     iterations: int = 1
     rim: float = 0.15
     margin: float = 0.25
     clearance: float = 0.004
+    foot_px: int = 4
 
 
 class GrabCutSegmenter:
@@ -58,7 +60,8 @@ class GrabCutSegmenter:
         side = max(x1 - x0, y1 - y0)
         rim = round(self.settings.rim * side) + 1
         outer = rim + round(self.settings.margin * side) + 2
-        left, top, right, bottom = _whole_pixels((x0 - outer, y0 - outer, x1 + outer, y1 + outer), width, height)
+        wide = np.array([x0 - outer, y0 - outer, x1 + outer, y1 + outer])
+        left, top, right, bottom = _whole_pixels(wide, width, height)
         crop = (slice(top, bottom), slice(left, right))
         labels = np.full((bottom - top, right - left), cv2.GC_BGD, np.uint8)
         labels[max(0, y0 - top - rim) : y1 - top + rim, max(0, x0 - left - rim) : x1 - left + rim] = cv2.GC_PR_BGD
@@ -73,25 +76,35 @@ class GrabCutSegmenter:
         if not (labels == cv2.GC_PR_FGD).any():
             return mask
         cv2.setRNGSeed(0)  # GrabCut's clustering draws from OpenCV's own generator
-        models = np.zeros((1, 65)), np.zeros((1, 65))
+        background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
         # OpenCV refuses pictures of a single colour: there is nothing to cut, the start is all there is.
         with contextlib.suppress(cv2.error):
-            cv2.grabCut(picture, labels, None, *models, self.settings.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore
+            cv2.grabCut(
+                picture,
+                labels,
+                None,  # type: ignore[arg-type]
+                background,
+                foreground,
+                self.settings.iterations,
+                cv2.GC_INIT_WITH_MASK,
+            )
         cut = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & ~low
         mask[crop] = _main_piece(cut)
         return mask
 
     def _support_pixels(self, frame: RgbdFrame) -> np.ndarray:
-        """Pixels whose height is known to be that of the support or below, bool, shape (height, width)."""
+        """Pixels that are surely the support: low, like everything around them. bool, shape (height, width)."""
         support = estimate_support(frame)
         heights = height_map(frame)
         known = np.isfinite(heights)
         smooth = cv2.medianBlur(np.where(known, heights, 1.0).astype(np.float32), 3)
-        return known & (smooth < support.height + self.settings.clearance)
+        low = known & (smooth < support.height + self.settings.clearance)
+        size = 2 * self.settings.foot_px + 1
+        return cv2.erode(low.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
 
 
-def _whole_pixels(box, width: int, height: int) -> tuple[int, int, int, int]:
-    x0, y0, x1, y1 = (round(float(b)) for b in box)
+def _whole_pixels(box: np.ndarray, width: int, height: int) -> tuple[int, int, int, int]:
+    x0, y0, x1, y1 = (round(float(box[i])) for i in range(4))
     return max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
 
 

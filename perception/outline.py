@@ -25,10 +25,24 @@ class Outline:
     free: float
 
 
-def own_outline(contour: np.ndarray, blob: np.ndarray, depth: np.ndarray | None, nearer: float) -> np.ndarray:
+def own_outline(
+    contour: np.ndarray,
+    blob: np.ndarray,
+    depth: np.ndarray | None,
+    nearer: float,
+    covering: np.ndarray | None = None,
+) -> np.ndarray:
     """Which contour points are the thing's own edge, bool, shape (n,).
 
-    A point is not when it lies at the picture's border or when the pixel 3 px further out is nearer by `nearer` [m].
+    A point is not when it lies at the picture's border, when the pixel 3 px further out is nearer by `nearer` [m], or
+    when that pixel belongs to something that stands on the thing and is not farther by `nearer`.
+
+    Args:
+        contour: Pixels (x, y), int, shape (n, 2).
+        blob: Pixels of the thing, bool, shape (height, width).
+        depth: In [m], NaN where unknown, same shape, or None.
+        nearer: In [m].
+        covering: Pixels of things that stand on or in the thing, bool, same shape, or None.
     """
     height, width = blob.shape
     x, y = contour[:, 0], contour[:, 1]
@@ -42,7 +56,10 @@ def own_outline(contour: np.ndarray, blob: np.ndarray, depth: np.ndarray | None,
     outer = np.clip(np.round(contour + 3.0 * away).astype(int), 0, limits)
     inner = np.clip(np.round(contour - 3.0 * away).astype(int), 0, limits)
     d_out, d_in = depth[outer[:, 1], outer[:, 0]], depth[inner[:, 1], inner[:, 0]]
-    hidden = np.isfinite(d_out) & np.isfinite(d_in) & (d_out < d_in - nearer) & ~blob[outer[:, 1], outer[:, 0]]
+    gap = d_in - d_out
+    hidden = (gap > nearer) & ~blob[outer[:, 1], outer[:, 0]]
+    if covering is not None:
+        hidden |= covering[outer[:, 1], outer[:, 0]] & ~(gap < -nearer)
     return own & ~hidden
 
 
@@ -111,27 +128,17 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     return Outline(roundness, long_px / short_px, long_px, fill, float(own.mean()))
 
 
-def own_outline_share(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.015) -> float:
-    """Share of a mask's outline that is the thing's own edge, 0..1: not cut by the picture, not hidden.
-
-    Args:
-        mask: bool, shape (height, width).
-        depth: In [m], NaN where unknown, same shape.
-        nearer: By how much something in front has to be nearer in [m].
-    """
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not contours:
-        return 0.0
-    contour = max(contours, key=len).reshape(-1, 2)
-    return float(own_outline(contour, mask, depth, nearer).mean())
-
-
-def own_outline_pixels(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.015) -> np.ndarray:
+def own_outline_pixels(
+    mask: np.ndarray, depth: np.ndarray, covering: np.ndarray | None = None, nearer: float = 0.015
+) -> np.ndarray:
     """The thing's own edge in sub-pixel coordinates, half a pixel outside the outermost pixels, shape (m, 2).
 
+    The outline of a convex solid is convex, so dents deeper than 2 px are left out as well.
+
     Args:
         mask: bool, shape (height, width).
         depth: In [m], NaN where unknown, same shape.
+        covering: Pixels of things that stand on or in the thing, bool, same shape, or None.
         nearer: By how much something in front has to be nearer in [m].
     """
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -140,7 +147,10 @@ def own_outline_pixels(mask: np.ndarray, depth: np.ndarray, nearer: float = 0.01
     contour = max(contours, key=len).reshape(-1, 2)
     if len(contour) < 12:
         return np.zeros((0, 2))
-    own = own_outline(contour, mask, depth, nearer)
+    own = own_outline(contour, mask, depth, nearer, covering)
+    hull = cv2.convexHull(contour.reshape(-1, 1, 2))
+    dent = np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in contour])
+    own &= dent < 2.0
     # Outward normal from the smoothed tangent; contours run clockwise in pictures (y down) or the other way.
     tangent = (np.roll(contour, -3, 0) - np.roll(contour, 3, 0)).astype(float)
     normal = np.stack([tangent[:, 1], -tangent[:, 0]], -1)

@@ -122,9 +122,14 @@ class Perception:
         found: dict[str, ObjectEstimate] = {}
         solids: list[Solid] = []
         # From the lowest upwards, so that what carries a thing is known before the thing.
-        for name in sorted(clouds, key=lambda n: clouds[n].lowest):
+        upwards = sorted(clouds, key=lambda n: clouds[n].lowest)
+        for i, name in enumerate(upwards):
             cloud = clouds[name]
-            fitted = fit_solid(frame, cloud, solid_for(best[name].phrase), support, solids, self.settings)
+            above = np.zeros_like(cloud.mask)
+            for other in upwards[i + 1 :]:
+                above |= clouds[other].mask
+            shape = solid_for(best[name].phrase)
+            fitted = fit_solid(frame, cloud, shape, support, solids, self.settings, above)
             solids.append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock

@@ -9,7 +9,7 @@ from perception.cloud import StereoNoise, depth_steps, largest_cluster, world_po
 from perception.estimates import Shape
 from perception.frames import RgbdFrame
 from perception.refine import Refined, observe, refine
-from perception.resting import find_bottom, lower_end_is_hidden
+from perception.resting import LowerEnd, find_bottom, lower_end
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.support import SupportPlane
 
@@ -45,7 +45,7 @@ class MaskedCloud:
         points: In the world in [m], shape (n, 3).
         depth_share: Share of the mask with known depth, 0..1.
         depth_std: Spread of one point along its ray in [m].
-        bottom_hidden: Whether something covers the lower end.
+        end: What the picture says about the lower end.
     """
 
     mask: np.ndarray
@@ -53,7 +53,7 @@ class MaskedCloud:
     points: np.ndarray
     depth_share: float
     depth_std: float
-    bottom_hidden: bool
+    end: LowerEnd
 
     @property
     def lowest(self) -> float:
@@ -89,7 +89,7 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         points,
         share,
         settings.noise.depth_std(distance, frame.intrinsics.fx),
-        lower_end_is_hidden(mask, depth),
+        lower_end(mask, depth),
     )
 
 
@@ -100,9 +100,20 @@ def fit_solid(
     table: SupportPlane,
     others: Sequence[Solid],
     settings: PoseSettings,
+    covering: np.ndarray | None = None,
 ) -> Refined:
-    """Solid of the given shape that rests on the table or on one of the others, with its spread."""
-    bottom = find_bottom(cloud.points, cloud.bottom_hidden, table, others, cloud.depth_std)
+    """Solid of the given shape that rests on the table or on one of the others, with its spread.
+
+    Args:
+        frame: The picture.
+        cloud: Trusted points of the thing.
+        shape: Solid to fit.
+        table: Where the table is.
+        others: Solids already fitted, one of which may carry the thing.
+        settings: Of the estimate.
+        covering: Pixels of things that stand higher and may hide it, bool, shape (height, width), or None.
+    """
+    bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std)
     if shape == "sphere":
         first = fit_sphere(cloud.points)
         # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
@@ -113,5 +124,5 @@ def fit_solid(
     else:
         first = fit_box(cloud.points, bottom[0], cloud.depth_std)
     patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
-    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom)
+    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering)
     return refine(first, seen)

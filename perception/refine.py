@@ -73,6 +73,7 @@ def observe(
     patches: float,
     top: float,
     bottom: tuple[float, float],
+    covering: np.ndarray | None = None,
     most_outline: int = 90,
     most_points: int = 200,
 ) -> Observation:
@@ -86,10 +87,11 @@ def observe(
         patches: Number of points that err independently.
         top: Height of the upper surface in [m].
         bottom: Height of the support and its spread, in [m].
+        covering: Pixels of things that stand on or in the thing, bool, shape (height, width), or None.
         most_outline, most_points: How many to keep.
     """
     depth = np.where(frame.valid_depth, frame.depth, np.nan)
-    outline = own_outline_pixels(mask, depth)
+    outline = own_outline_pixels(mask, depth, covering)
     outline = outline[:: max(1, len(outline) // most_outline)]
     points = points[:: max(1, len(points) // most_points)]
     return Observation(frame, outline, points, point_std, patches, top, *bottom)
@@ -221,7 +223,7 @@ def outline_distance(outline: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
     The largest distance to the hull's edge lines: exact beside edges, slightly too small off corners.
     """
-    order = cv2.convexHull(vertices.astype(np.float32).reshape(-1, 1, 2), returnPoints=False).reshape(-1)
+    order = np.asarray(cv2.convexHull(vertices.astype(np.float32).reshape(-1, 1, 2), returnPoints=False)).ravel()
     hull = vertices[order]
     edge = np.roll(hull, -1, 0) - hull
     length = np.linalg.norm(edge, axis=1)

@@ -1,6 +1,7 @@
 """What a thing rests on: the table, the top of another thing, or something that nobody named."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,32 +9,47 @@ from perception.solids import Solid
 from perception.support import SupportPlane
 
 
-def lower_end_is_hidden(mask: np.ndarray, depth: np.ndarray, below_px: int = 5, nearer: float = 0.02) -> bool:
-    """Whether something nearer covers the lower end of a mask, or the picture ends there.
+@dataclass(frozen=True)
+class LowerEnd:
+    """What the picture says about the lower end of a thing.
+
+    Attributes:
+        hidden: Something nearer covers it, or the picture ends there.
+        drops: Beyond it depth falls away: the thing hangs in the air, or its own top hides what is beneath.
+    """
+
+    hidden: bool
+    drops: bool
+
+
+def lower_end(mask: np.ndarray, depth: np.ndarray, below_px: int = 5, step: float = 0.02) -> LowerEnd:
+    """Look across the lower edge of a mask.
 
     Args:
         mask: Pixels of the thing, bool, shape (height, width).
         depth: In [m], NaN where unknown, same shape.
         below_px: How far below the mask's lower edge to look in [px].
-        nearer: By how much the cover is nearer than the thing in [m].
+        step: By how much depth must change to count in [m].
     """
     columns = np.nonzero(mask.any(0))[0]
     if len(columns) == 0:
-        return True
+        return LowerEnd(True, False)
     height = mask.shape[0]
     columns = columns[len(columns) // 5 : max(len(columns) // 5 + 1, 4 * len(columns) // 5)]
     lowest = height - 1 - np.argmax(mask[::-1, columns], axis=0)
     if np.mean(lowest >= height - 2) > 0.5:
-        return True
+        return LowerEnd(True, False)
     outside = depth[np.clip(lowest + below_px, None, height - 1), columns]
     inside = depth[np.clip(lowest - 2, 0, None), columns]
     gap = (inside - outside)[np.isfinite(inside - outside)]
-    return bool(len(gap) > 0 and np.mean(gap > nearer) > 0.4)
+    if len(gap) == 0:
+        return LowerEnd(False, False)
+    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4))
 
 
 def find_bottom(
     points: np.ndarray,
-    hidden: bool,
+    end: LowerEnd,
     table: SupportPlane,
     others: Sequence[Solid],
     depth_std: float,
@@ -41,12 +57,13 @@ def find_bottom(
     """Height of the surface that carries a thing and the spread of that height, both in [m].
 
     Surfaces that may carry it are the table and the tops of the solids below its middle. The one nearest to the lowest
-    visible points is taken if it lies within their noise; otherwise the lowest visible points themselves count,
-    unless something hides them: then the highest surface below them is the best guess.
+    visible points is taken if it lies within their noise; otherwise the lowest visible points themselves count: the
+    thing stands on something that nobody named, or hangs. Where its lower end is hidden by something nearer, or by its
+    own top because the camera looks straight down on it, the highest surface below is the best guess.
 
     Args:
         points: Of the thing in the world in [m], shape (n, 3).
-        hidden: Whether its lower end is hidden (`lower_end_is_hidden`).
+        end: What the picture says about its lower end.
         table: Where the table is.
         others: Solids already fitted.
         depth_std: Spread of one point in [m].
@@ -57,7 +74,9 @@ def find_bottom(
     tolerance = 0.015 + 2.0 * depth_std
     below = [s for s in surfaces if s <= lowest + tolerance]
     nearest = max(below) if below else min(surfaces)
-    if not hidden and lowest - nearest > tolerance:
+    top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
+    unseen = end.hidden or top_only
+    if not unseen and lowest - nearest > tolerance:
         return lowest, 0.005 + depth_std
     # A guess beneath a hidden end may be wrong by all that is hidden.
-    return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if hidden else 0.0)
+    return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if unseen else 0.0)
