@@ -1,0 +1,417 @@
+"""The RePlan loop: task (which plan), subtask (eyes or hands), skill (which rewards), with diagnosis and replanning."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from control.errors import GoalError, ReasonerError, RefusedError, RewardSpecError, UnknownObjectError
+from control.failure import FailureCause
+from control.rewards import PALM, RewardSpec
+from perception.errors import UnknownPhraseError
+from perception.estimates import SceneEstimate, Unseen
+from planning.answers import Plan, parse_completion, parse_plan, parse_yes_no
+from planning.diagnosis import diagnose
+from planning.goal_language import mentioned_phrases
+from planning.interfaces import AttemptResult, Eyes, Hands, Judge, Judgement
+from planning.memory import FailedAttempt, FailedPlan, cause_sentences
+from planning.names import as_name, candidates
+from planning.perceiver import Perceiver, describe
+from planning.reasoner import Asker, Log, Reasoner
+from planning.subtask import Scope, spec_for
+from planning.verifier import Verifier
+from prompts.contracts import Role
+
+__all__ = ["AttemptResult", "GoalResult", "LoopSettings", "StepRecord", "run_loop"]
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """Bounds of a run.
+
+    Attributes:
+        replans: How often a failed step may be replanned within one plan.
+        plans: How many plans may be made from scratch.
+        tries: How often one question may be put to a reasoner.
+        max_steps: Steps carried out or attempted in one plan, replans included; the paper's longest task took 17.
+    """
+
+    replans: int = 3
+    plans: int = 2
+    tries: int = 3
+    max_steps: int = 20
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """One step that was carried out or attempted.
+
+    Attributes:
+        action: As the plan has it.
+        kind: Whether it asked for eyes or hands.
+        ok: Whether it was achieved, as seen afterwards.
+        cause: Why not; None when ok.
+    """
+
+    action: str
+    kind: str
+    ok: bool
+    cause: FailureCause | None = None
+
+
+@dataclass(frozen=True)
+class GoalResult:
+    """How a run ended.
+
+    Attributes:
+        reached: Whether everything that was wanted is seen to hold at the end.
+        reason: One sentence for people.
+        plans: Every plan, replans included, in order.
+        steps: Every step tried, in order.
+        replans: How often a step or the whole plan was made anew.
+        causes: Every failure cause, in order.
+        scene: What was seen last.
+    """
+
+    reached: bool
+    reason: str
+    plans: tuple[Plan, ...]
+    steps: tuple[StepRecord, ...]
+    replans: int
+    causes: tuple[FailureCause, ...]
+    scene: SceneEstimate | None = None
+
+
+def run_loop(
+    goal: str,
+    *,
+    reasoner: Reasoner,
+    eyes: Eyes,
+    hands: Hands,
+    judge: Judge,
+    known_names: Sequence[str],
+    log: Log,
+    say: Callable[[str], None] = lambda text: None,
+    joints: Sequence[str] = (),
+    pictures: Callable[[], Sequence[Any]] = lambda: (),
+    settings: LoopSettings | None = None,
+    by_role: Mapping[Role, Reasoner] | None = None,
+) -> GoalResult:
+    """Reach a goal, or say why not.
+
+    Args:
+        goal: In plain language.
+        reasoner: Answers all prompts that `by_role` names no other one for.
+        eyes, hands, judge: The world, see `planning.interfaces`.
+        known_names: Names that the cell says may be there; things that the goal speaks of are looked for besides.
+        log: Gets every prompt, answer, fault, drop, reward, vote and verdict.
+        say: Gets a line of progress for people at a time.
+        joints: Joints of furniture that may be spoken of.
+        pictures: The latest colour pictures, uint8, shape (height, width, 3), for reasoners that see.
+        settings: Bounds.
+        by_role: Other reasoners for single roles.
+
+    Raises:
+        GoalError: The goal is empty or not understood; nothing moved.
+        ReasonerError: No plan could be had from the reasoner.
+        PerceptionError: Nothing can be seen.
+        RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
+    """
+    if not goal.strip():
+        raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
+    settings = settings or LoopSettings()
+    asker = Asker(reasoner, log, settings.tries, by_role)
+    run = _Run(goal, eyes, hands, judge, asker, log, say, tuple(joints), pictures, settings)
+    run.set_names(known_names)
+    result = run.reach()
+    log("goal_result", reached=result.reached, reason=result.reason, replans=result.replans, causes=result.causes)
+    return result
+
+
+@dataclass
+class _Achieved:
+    """A finished motion step, so that its result can be judged again at the end."""
+
+    action: str
+    spec: RewardSpec
+    before: SceneEstimate
+
+
+@dataclass
+class _Run:
+    """One run's state; `run_loop` is the way in."""
+
+    goal: str
+    eyes: Eyes
+    hands: Hands
+    judge: Judge
+    asker: Asker
+    log: Log
+    say: Callable[[str], None]
+    joints: tuple[str, ...]
+    pictures: Callable[[], Sequence[Any]]
+    settings: LoopSettings
+    names: tuple[str, ...] = ()
+    wanted: tuple[str, ...] = ()  # names of the things that the goal speaks of
+    unlookable: dict[str, str] = field(default_factory=dict)
+    plans: list[Plan] = field(default_factory=list)
+    steps: list[StepRecord] = field(default_factory=list)
+    attempts: list[FailedAttempt] = field(default_factory=list)
+    finished: list[str] = field(default_factory=list)
+    achieved: list[_Achieved] = field(default_factory=list)
+    observations: list[str] = field(default_factory=list)
+    replans: int = 0
+
+    def __post_init__(self) -> None:
+        self.verifier = Verifier(self.asker, self.log)
+        self.perceiver = Perceiver(self.asker, self.log)
+
+    # -- seeing ------------------------------------------------------------------------------------------------------
+
+    def set_names(self, known: Sequence[str]) -> None:
+        """What to look for: the cell's names, and what else the goal speaks of."""
+        wanted, extra = [], []
+        for phrase in mentioned_phrases(self.goal):
+            means = candidates(phrase, known)
+            wanted += means or [as_name(phrase)]
+            if not means and as_name(phrase):
+                extra.append(as_name(phrase))
+        self.names = tuple(dict.fromkeys([*known, *extra]))
+        self.wanted = tuple(dict.fromkeys(wanted))
+        self.log("goal", goal=self.goal, names=self.names, wanted=self.wanted)
+
+    def look(self) -> SceneEstimate:
+        """A fresh look; names that the detector cannot look for count as not seen."""
+        names = [n for n in self.names if n not in self.unlookable]
+        try:
+            scene = self.eyes.look(names)
+        except UnknownPhraseError:
+            # The error does not say which name; each is tried alone, once in a run.
+            for name in names:
+                try:
+                    self.eyes.look([name])
+                except UnknownPhraseError as error:
+                    self.unlookable[name] = str(error)
+                    self.log("unlookable", name=name, reason=str(error))
+            scene = self.eyes.look([n for n in names if n not in self.unlookable])
+        missing = tuple(Unseen(n, r) for n, r in self.unlookable.items())
+        return replace(scene, unseen=(*scene.unseen, *missing)) if missing else scene
+
+    # -- task level --------------------------------------------------------------------------------------------------
+
+    def reach(self) -> GoalResult:
+        scene = self.look()
+        failed_plans: list[FailedPlan] = []
+        why = ""
+        for k in range(self.settings.plans):
+            plan = self._new_plan(scene, failed_plans)
+            if k > 0:
+                self.replans += 1
+            if not plan.steps:
+                why = self._why_no_plan(plan, scene, first=not failed_plans)
+                break
+            why, scene = self._carry_out(plan, scene)
+            if not why:
+                return self._result(True, f"{self._held_true(scene)}", scene)
+            failed_plans.append(FailedPlan(plan.thought, plan.steps, why))
+            self.say(f"plan {k + 1} failed: {why}")
+            self.log("plan_failed", number=k + 1, why=why)
+        return self._result(False, why, scene)
+
+    def _new_plan(self, scene: SceneEstimate, failed: Sequence[FailedPlan]) -> Plan:
+        fields: dict[str, Any] = {"objects": scene.names, "goal": self.goal}
+        name = "high_level_plan"
+        if failed:
+            name = "new_plan"
+            fields |= self._history(scene) | {"failed_plans": tuple(failed)}
+        return self._noted(self.asker.ask(name, fields, parse_plan))
+
+    def _history(self, scene: SceneEstimate) -> dict[str, Any]:
+        return {"facts": describe(scene), "finished": tuple(self.finished), "attempts": tuple(self.attempts)}
+
+    def _noted(self, plan: Plan) -> Plan:
+        self.plans.append(plan)
+        self.log("plan", thought=plan.thought, steps=plan.steps)
+        self.say(f"plan: {'; '.join(plan.steps) or 'none'} ({plan.thought})")
+        return plan
+
+    def _missing(self, scene: SceneEstimate) -> list[str]:
+        """Things that the goal speaks of and that are not in view; of several that may be meant, all must be out."""
+        groups: dict[str, list[str]] = {}
+        for phrase in mentioned_phrases(self.goal):
+            groups[phrase] = candidates(phrase, self.names) or [as_name(phrase)]
+        return [as_name(p) for p, means in groups.items() if not set(means) & set(scene.names)]
+
+    def _missing_sentence(self, scene: SceneEstimate) -> str:
+        missing = [n.replace("_", " ") for n in self._missing(scene)]
+        verb = "is" if len(missing) == 1 else "are"
+        seen = ", ".join(n.replace("_", " ") for n in scene.names) or "nothing"
+        return f"{' and '.join(missing)} {verb} not in view; in view: {seen}"
+
+    def _why_no_plan(self, plan: Plan, scene: SceneEstimate, first: bool) -> str:
+        if self._missing(scene):
+            claimed = [n for n in self._missing(scene) if self.perceiver.claims_to_see(n, scene, self.pictures())]
+            extra = f" (the perceiver sees {', '.join(claimed)}, but no pose was found)" if claimed else ""
+            return self._missing_sentence(scene) + extra
+        if first and not self.steps:
+            raise GoalError(plan.thought)
+        return plan.thought
+
+    # -- subtask level -----------------------------------------------------------------------------------------------
+
+    def _carry_out(self, plan: Plan, scene: SceneEstimate) -> tuple[str, SceneEstimate]:
+        """Steps one after another, replanning failed ones: why it failed ("" if it did not), and the last look."""
+        queue, replans, tried = list(plan.steps), Counter[str](), 0
+        while queue:
+            action = queue.pop(0)
+            tried += 1
+            if tried > self.settings.max_steps:
+                return f"the plan took more than {self.settings.max_steps} steps", scene
+            cause, scene, remaining = self._step(action, plan, scene)
+            if remaining is not None:
+                queue.insert(0, remaining)
+                continue
+            if cause is None:
+                self.finished.append(action)
+                if not queue:
+                    why = self._undone(scene)
+                    if not why:
+                        return "", scene
+                    return f"all steps were done, but {why}", scene
+                continue
+            self._diagnose(action, plan, cause, scene)
+            if replans[action] >= self.settings.replans:
+                return f"'{action}' failed {replans[action] + 1} times, last: {self._last_reason(cause)}", scene
+            replans[action] += 1
+            self.replans += 1
+            fields = {"objects": scene.names, "goal": self.goal, **self._history(scene)}
+            plan = self._noted(self.asker.ask("replan", fields, parse_plan))
+            if not plan.steps:
+                return self._missing_sentence(scene) if self._missing(scene) else plan.thought, scene
+            queue = list(plan.steps)
+        return "", scene
+
+    def _step(
+        self, action: str, plan: Plan, scene: SceneEstimate
+    ) -> tuple[FailureCause | None, SceneEstimate, str | None]:
+        """One step: its failure (None if none), the latest look, and a motion that remains to be done for it."""
+        looks = self.asker.ask("action_kind", {"action": action}, parse_yes_no)
+        self.log("route", action=action, kind="eyes" if looks else "hands")
+        self.say(f"step: {action} ({'eyes' if looks else 'hands'})")
+        if looks:
+            return self._vision_step(action, plan)
+        cause, scene = self._motion_step(action, plan, scene)
+        self.steps.append(StepRecord(action, "hands", cause is None, cause))
+        return cause, scene, None
+
+    def _vision_step(self, action: str, plan: Plan) -> tuple[FailureCause | None, SceneEstimate, str | None]:
+        scene = self.look()
+        seen = self.perceiver.observe(self.goal, plan.steps, action, scene, self.pictures())
+        self.observations += [o for o in seen if o not in self.observations]
+        fields = {"plan": plan.steps, "action": action, "observations": seen}
+        done, remaining = self.asker.ask("action_completed", fields, parse_completion)
+        self.log("looked", action=action, done=done, remaining=remaining)
+        cause = None
+        if not done and remaining is None:
+            subject = (self._missing(scene) or list(self.wanted) or [action])[0]
+            cause = FailureCause("not_seen", subject, " ".join(seen) or "no question about it could be answered")
+        self.steps.append(StepRecord(action, "eyes", done, cause))
+        return cause, scene, remaining
+
+    def _motion_step(self, action: str, plan: Plan, scene: SceneEstimate) -> tuple[FailureCause | None, SceneEstimate]:
+        scope = Scope(scene.names, self.joints, plan.steps, tuple(self.observations))
+        try:
+            spec = spec_for(action, scope, self.asker, self.verifier, self.log)
+        except ReasonerError as error:
+            self.log("failure", action=action, reason=str(error))
+            return FailureCause("reasoner_error", action, str(error)), scene
+        cause, after = self._attempt(spec, scene)
+        latest = after or self.look()  # fresh eyes after every motion, whatever came of it
+        if cause is None:
+            verdict = self._judged(spec, latest, scene)
+            self.log("judged", action=action, met=verdict is None, term=spec.primary)
+            cause = verdict
+        if cause is None:
+            self.achieved.append(_Achieved(action, spec, scene))
+        else:
+            self.log("step_failed", action=action, cause=cause)
+            self.say(f"failed: {cause.kind}: {cause.message}")
+        return cause, latest
+
+    def _attempt(self, spec: RewardSpec, scene: SceneEstimate) -> tuple[FailureCause | None, SceneEstimate | None]:
+        subject = spec.primary.subject
+        try:
+            result = self.hands.attempt(spec, scene)
+        except RefusedError as error:
+            return FailureCause("refused_by_robot", subject, str(error), check=error.code), None
+        except RewardSpecError as error:
+            # Well-formed, yet nothing that these hands can do: the planner may ask for it in another way.
+            return FailureCause("reasoner_error", subject, str(error)), None
+        self.log("attempt", ok=result.ok, cause=result.cause, stats=result.stats)
+        if not result.ok and result.cause is None:
+            return FailureCause("not_achieved", subject, "the motion failed without a cause"), result.scene_after
+        return (None if result.ok else result.cause), result.scene_after
+
+    def _judged(self, spec: RewardSpec, scene: SceneEstimate, before: SceneEstimate) -> FailureCause | None:
+        """None when the primary term is seen to be met."""
+        term = spec.primary
+        try:
+            judgement: Judgement = self.judge(term, scene, before)
+        except UnknownObjectError as error:
+            return FailureCause("not_seen", term.subject, str(error))
+        self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
+        self.say(f"seen: {judgement.text}")
+        if judgement.met:
+            return None
+        return FailureCause("not_achieved", term.subject, judgement.text, evidence={"residual": judgement.residual})
+
+    def _diagnose(self, action: str, plan: Plan, cause: FailureCause, scene: SceneEstimate) -> None:
+        measured = cause_sentences(cause, scene.names)
+        reasons: tuple[str, ...] = ()
+        # What a reasoner could not put into words has no reason among the objects.
+        if cause.kind != "reasoner_error":
+            reasons = diagnose(
+                action, scene.names, describe(scene), measured, self.asker, self.verifier, self.log, self.pictures()
+            ).reasons
+        reason = " ".join(dict.fromkeys((*measured, *reasons)))
+        self.attempts.append(FailedAttempt(plan.steps, action, reason))
+        self.log("failed_attempt", action=action, reason=reason)
+        self.say(f"supposed reason: {reasons[0] if reasons else reason}")
+
+    def _last_reason(self, cause: FailureCause) -> str:
+        return cause.message or cause.kind
+
+    # -- the end -----------------------------------------------------------------------------------------------------
+
+    def _lasting(self) -> list[_Achieved]:
+        """Finished steps whose results should still hold: the last one per object, of what the goal speaks of.
+
+        Where the palm is cannot be seen at the end, because motions end in the rest configuration.
+        """
+        last: dict[str, _Achieved] = {}
+        for done in self.achieved:
+            if PALM not in (done.spec.primary.subject, done.spec.primary.target):
+                last[done.spec.primary.subject] = done
+        named = {n: d for n, d in last.items() if n in self.wanted}
+        return list((named or last).values())
+
+    def _undone(self, scene: SceneEstimate) -> str:
+        """What was achieved and no longer holds; "" if all does."""
+        undone = []
+        for done in self._lasting():
+            cause = self._judged(done.spec, scene, done.before)
+            if cause is not None:
+                undone.append(cause.message)
+                self.achieved = [d for d in self.achieved if d is not done]
+                self.finished = [a for a in self.finished if a != done.action]
+        return "; ".join(undone)
+
+    def _held_true(self, scene: SceneEstimate) -> str:
+        parts = []
+        for done in self._lasting():
+            parts.append(self.judge(done.spec.primary, scene, done.before).text)
+        return "; ".join(parts) or "; ".join(self.observations) or "all steps were done"
+
+    def _result(self, reached: bool, reason: str, scene: SceneEstimate) -> GoalResult:
+        causes = tuple(s.cause for s in self.steps if s.cause is not None)
+        return GoalResult(reached, reason, tuple(self.plans), tuple(self.steps), self.replans, causes, scene)
