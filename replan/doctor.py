@@ -121,7 +121,7 @@ def _robot(endpoint: str) -> Finding:
             state = client.state()
     except StackError as error:
         return Finding("robot", endpoint, False, str(error))
-    return Finding("robot", endpoint, True, f"{state.robot_profile} in cell {state.cell}, mode {state.mode}")
+    return Finding("robot", endpoint, True, f"{state.profile} in cell {state.cell}, mode {state.mode}")
 
 
 def render(findings: Findings) -> str:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from replan.episode import Episode
@@ -37,6 +39,7 @@ class CameraEyes:
         self._episode = episode
         self._film = film
         self._say = say
+        self.pictures: tuple[np.ndarray, ...] = ()  # colour pictures of the last look, uint8, (h, w, 3)
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
         """Take fresh frames and find the named objects in them.
@@ -48,6 +51,7 @@ class CameraEyes:
         import cv2
 
         frames = self._client.frames()
+        self.pictures = tuple(frame.colour for frame in frames)
         scene = self._perception.perceive(frames, names)
         for k, frame in enumerate(frames):
             picture = overlay(frame, scene)

@@ -7,19 +7,19 @@ import numpy as np
 
 from control.certificate import Verdict
 from control.certify import issue_certificate, limits_hash
-from control.errors import RefusedError, RetimingError
+from control.errors import RefusedError, RetimingError, StoppedError
 from control.failure import FailureCause
 from control.kinematics import ArmKinematics
-from control.limits import RobotLimits
+from control.limits import REST_Q, RobotLimits
 from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
 from control.retime import retime
 from control.rewards import RewardSpec
 from control.robot import RobotModel
-from control.trajectory import Trajectory
+from control.trajectory import SAMPLE_TIME, Trajectory
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
-from planning.loop import AttemptResult
+from planning.interfaces import AttemptResult
 from replan.episode import Episode
 from replan.film import FILM_RATE, Film
 from sim_check.cells import CellConfig
@@ -29,7 +29,7 @@ from sim_check.twin import build_twin
 from sim_check.verdict import judge_trajectory
 
 if TYPE_CHECKING:
-    from hw_interface.client import CellClient
+    from hw_interface.client import CellClient, ExecutionReport, Progress
 
 MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
 
@@ -71,8 +71,21 @@ class TwinCheckedHands:
         self._robot = RobotModel.panda()
         self._kinematics = ArmKinematics.from_urdf()
         self._held: str | None = None
+        self._last_filmed = -1
         self.steps = 0  # simulated steps spent so far
         self.trajectories_sent = 0
+
+    def palm_position(self) -> np.ndarray:
+        """Tool centre point as measured now, in the world in [m], shape (3,)."""
+        return self._palm_at(np.array(self._client.state().q))
+
+    @property
+    def rest_palm_position(self) -> np.ndarray:
+        """Tool centre point in the rest configuration, in the world in [m], shape (3,)."""
+        return self._palm_at(np.array(REST_Q))
+
+    def _palm_at(self, q: np.ndarray) -> np.ndarray:
+        return (self._cell.robot.world_T_base @ self._robot.tcp_pose(q))[:3, 3]
 
     def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
         """Try one subtask.
@@ -85,11 +98,12 @@ class TwinCheckedHands:
             Whether the motion was played to its end, or why not; the loop looks again and judges the result.
 
         Raises:
-            RobotGoneError, StoppedError, KeyboardInterrupt: Not failures of a subtask but ends of the run.
+            RobotGoneError, StoppedError, KeyboardInterrupt: Not failures of a subtask but ends of the run; a robot
+                that stopped by itself waits for a person, so that ends the run as well.
         """
         state = self._client.state()
         held = self._held if state.grasped else None
-        twin = build_twin(self._cell, scene, state.q_d, state.gripper_width, held)
+        twin = build_twin(self._cell, scene, np.array(state.q_d), state.gripper_width, held)
         plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics)
         if isinstance(plan, FailureCause):
             return self._failed(diagnose(twin, spec, plan))
@@ -158,25 +172,50 @@ class TwinCheckedHands:
         except RefusedError as error:
             self._episode.log("refused", code=error.code, reason=str(error))
             return self._failed(FailureCause("refused_by_robot", spec.primary.subject, str(error), check=error.code))
-        self._episode.log("executed", report=report)
+        self._record(report)
         last_held = trajectory.segments[-1].held if trajectory.segments else None
         self._held = last_held if report.final_state.grasped else None
         if not report.completed:
-            kind = "lost_grasp" if "grasp" in report.reason else "tracking_error"
-            return self._failed(FailureCause(kind, spec.primary.subject, report.reason))
+            kind = "lost_grasp" if report.reason == "lost_grasp" else "tracking_error"
+            cause = FailureCause(kind, spec.primary.subject, report.detail, check=report.reason)
+            self._episode.log("failure", cause=cause)
+            raise StoppedError(
+                f"the robot stopped by itself ({report.reason}): {report.detail}; look at the cell, "
+                "then acknowledge with `replan robot acknowledge` or `replan run ... --acknowledge`"
+            )
         return AttemptResult(ok=True, cause=None)
 
-    def _on_progress(self, state) -> None:
+    def _record(self, report: "ExecutionReport") -> None:
+        path = self._episode.numbered("measured", "npz")
+        np.savez_compressed(
+            path,
+            times=report.times,
+            q_d=report.q_d,
+            q=report.q,
+            tau=report.tau,
+            gripper_width=report.gripper_width,
+        )
+        self._episode.log(
+            "executed",
+            completed=report.completed,
+            reason=report.reason,
+            detail=report.detail,
+            played=report.played,
+            samples=report.samples,
+            max_tracking_error=report.max_tracking_error,
+            measured=path.name,
+        )
+
+    def _on_progress(self, progress: "Progress") -> None:
         """Film at FILM_RATE of robot time, whatever the pace of a simulated cell."""
         if not self._filming:
             return
-        wanted = int(state.progress * 1e-3 * FILM_RATE)
+        seconds = progress.played * SAMPLE_TIME
+        wanted = int(seconds * FILM_RATE)
         if wanted != self._last_filmed:
             self._last_filmed = wanted
-            frame = self._client.frames(cameras=self._client.cameras()[:1])[0]
-            self._film.frames.append((f"{state.mode}, {state.progress * 1e-3:4.1f} s", np.array(frame.colour)))
-
-    _last_filmed = -1
+            (frame,) = self._client.frames(self._client.cameras()[:1])
+            self._film.frames.append((f"camera '{frame.camera}', {seconds:4.1f} s", np.array(frame.colour)))
 
     def _failed(self, cause: FailureCause) -> AttemptResult:
         self._episode.log("failure", cause=cause)

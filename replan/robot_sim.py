@@ -23,14 +23,16 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     world = build_world(cell, options.seed)
     limits, safety = panda_limits(), cell.safety_limits()
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
-    return run_sim_cell(
+    run_sim_cell(
         world,
+        cell_name=cell.name,
+        profile=limits.profile,
+        limits_hash=limits_hash(limits, safety),
+        robot_limits=limits,
+        safety=safety,
         endpoint=options.endpoint,
         speed=options.speed,
-        cell_name=cell.name,
-        limits=limits,
-        safety=safety,
-        limits_hash=limits_hash(limits, safety),
         score=options.score,
         parent_pid=options.parent_pid,
     )
+    return 0

@@ -102,13 +102,16 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.builtin import BuiltinReasoner
+    from planning.loop import run_loop
     from replan.episode import Episode
     from replan.eyes import CameraEyes
     from replan.film import Film
     from replan.hands import TwinCheckedHands
+    from replan.judge import SeenJudge
     from sim_check.cells import load_cell
 
-    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True))
+    # The run plans without the part of a cell file that tells a simulated cell what is really there.
+    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True)).model_copy(update={"simulation": None})
     perception = perception_from_options(options.detector, options.segmenter, offline=options.offline)
     reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
@@ -126,7 +129,17 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
             hands = TwinCheckedHands(client, cell, panda_limits(), options.seed, episode, film, options.video, say)
             eyes = CameraEyes(client, perception, episode, film, say)
             started = time.monotonic()
-            result = _plan_and_act(options, cell, reasoner, eyes, hands, episode, say)
+            result = run_loop(
+                options.goal,
+                reasoner=reasoner,
+                eyes=eyes,
+                hands=hands,
+                judge=SeenJudge(hands.palm_position, hands.rest_palm_position),
+                known_names=cell.objects,
+                log=episode.log,
+                say=say,
+                pictures=lambda: eyes.pictures,
+            )
             seconds = time.monotonic() - started
             if on_client:
                 on_client("after", client)
@@ -149,14 +162,6 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     return report
 
 
-def _plan_and_act(options, cell, reasoner, eyes, hands, episode, say):
-    from planning.loop import run_loop
-
-    return run_loop(
-        options.goal, reasoner=reasoner, eyes=eyes, hands=hands, known_names=cell.objects, log=episode.log, say=say
-    )
-
-
 def _check_ready(client: "CellClient", options: RunOptions, cell_name: str) -> None:
     """Refuse to plan for a robot that stands elsewhere or that a person has not released."""
     state = client.state()
@@ -167,10 +172,8 @@ def _check_ready(client: "CellClient", options: RunOptions, cell_name: str) -> N
         )
     if state.mode in ("stopped", "reflex"):
         if not options.acknowledge:
-            raise ConfigError(
-                f"the robot is '{state.mode}' ({state.last_error or 'stop requested'}); look at the cell, "
-                "then say --acknowledge"
-            )
+            why = state.last_error.reason if state.last_error else "stopped on request"
+            raise ConfigError(f"the robot is '{state.mode}' ({why}); look at the cell, then say --acknowledge")
         client.acknowledge()
 
 

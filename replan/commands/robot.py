@@ -61,11 +61,10 @@ class RobotAcknowledge:
             before = client.state()
             client.acknowledge()
             after = client.state()
+        why = before.last_error.reason if before.last_error else None
         console.result(
-            {"mode_before": before.mode, "mode": after.mode, "last_error": before.last_error},
-            f"robot was '{before.mode}'"
-            + (f" ({before.last_error})" if before.last_error else "")
-            + f", is '{after.mode}' now",
+            {"mode_before": before.mode, "mode": after.mode, "last_error": why},
+            f"robot was '{before.mode}'" + (f" ({why})" if why else "") + f", is '{after.mode}' now",
         )
         return 0
 
