@@ -1,0 +1,270 @@
+"""Which arm configurations keep their distance: a geometric filter that is run before any simulation.
+
+A copy of the twin's model gets geom margins, so that MuJoCo's collision stage reports pairs before they touch; each
+pair's distance is then held against the clearance of the safety table for what the two bodies are. One configuration
+costs about 30 us, a thousandth of simulating it.
+"""
+
+import copy
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+
+from control.safety import SafetyLimits
+from control.twin_model import (
+    ARM_BODIES,
+    ARM_JOINTS,
+    FINGER_BODIES,
+    FINGER_JOINTS,
+    HAND_BODY,
+    TCP_SITE,
+    TwinModel,
+)
+
+PLANNING_MARGIN = 0.003  # [m] on top of the judged clearances: what smoothing, tracking and sampling may eat
+SELF_TOLERANCE = 0.001  # [m]
+HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
+PRESSED = 0.006  # [m] that an object may seem to overlap what carries it: errors of two perceived heights
+IGNORE = -1.0  # [m], a threshold that no pair falls below
+
+
+class Phase(IntEnum):
+    """What the hand is doing, which decides who may be close to whom."""
+
+    FREE = 0  # nothing in the hand, everything is an obstacle
+    GRASP = 1  # fingers around the object, which stands on its own
+    CARRY = 2  # the object moves with the hand, away from everything
+    CONTACT = 3  # the object moves with the hand and may touch what carries it
+
+
+class _Kind(IntEnum):
+    WORLD = 0
+    ARM = 1
+    FINGER = 2
+    OBJECT = 3
+    BASE = 4  # links that cannot be moved away from the mounting
+    SUPPORT = 5
+
+
+@dataclass(frozen=True)
+class Held:
+    """An object that moves with the hand.
+
+    Attributes:
+        tcp_T_object: Pose of the object's body in the frame of the tool centre point, shape (4, 4).
+    """
+
+    tcp_T_object: np.ndarray
+
+
+class CollisionFilter:
+    """Distances of arm, fingers and one handled object from everything else.
+
+    Args:
+        twin: Where to look.
+        safety: Clearances.
+        subject: Name of the handled object, or None.
+        supports: Names of bodies that may touch the subject in `Phase.CONTACT`.
+        margin: Extra distance in [m] beyond the safety table's clearances.
+
+    Attributes:
+        checks: Configurations looked at so far.
+        rejected_by: How often each body was what a configuration came too close to.
+    """
+
+    def __init__(
+        self,
+        twin: TwinModel,
+        safety: SafetyLimits,
+        subject: str | None = None,
+        supports: Iterable[str] = (),
+        margin: float = PLANNING_MARGIN,
+    ) -> None:
+        model = copy.copy(twin.model)
+        self.model, self._data = model, mujoco.MjData(model)
+        self._qpos0 = np.array(twin.qpos)
+        self.subject = subject
+        self.checks = 0
+        self.rejected_by: Counter[str] = Counter()
+        self._kind = _geom_kinds(model, subject, frozenset(supports))
+        self._thresholds = _thresholds(safety, margin)
+        near = float(self._thresholds.max()) + 0.002
+        moving = np.isin(self._kind, (_Kind.ARM, _Kind.FINGER, _Kind.OBJECT))
+        model.geom_margin[:] = np.where(moving, near, 0.0)
+        self._arm = [int(model.joint(n).qposadr[0]) for n in ARM_JOINTS]
+        self._fingers = [int(model.joint(n).qposadr[0]) for n in FINGER_JOINTS]
+        self._tcp = model.site(TCP_SITE).id
+        self._address = free_joint_address(model, subject) if subject else None
+        self._relaxed: dict[tuple[int, int], float] = {}
+        self._relax_start(twin)
+
+    def tcp_pose(self, q: np.ndarray) -> np.ndarray:
+        """Pose of the tool centre point in the world at joints q [rad], shape (4, 4)."""
+        self._data.qpos[self._arm] = q
+        mujoco.mj_kinematics(self.model, self._data)
+        return self._site_pose()
+
+    def clear(self, q: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None) -> bool:
+        """Whether one configuration keeps all distances; counts the body in the way if not.
+
+        Args:
+            q: Arm joints in [rad], shape (7,).
+            phase: What the hand is doing.
+            width: Distance between the pads in [m].
+            object_at: Where the subject is: with the hand, at a pose (4, 4), or None where the twin has it.
+        """
+        worst = self.closest(q, phase, width, object_at)
+        if worst is None:
+            return True
+        self.rejected_by[worst] += 1
+        return False
+
+    def closest(
+        self, q: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None
+    ) -> str | None:
+        """Name of the outer body that is deepest inside its clearance, or None when all is clear."""
+        self._place(q, width, object_at)
+        self.checks += 1
+        data = self._data
+        if not data.ncon:
+            return None
+        geoms, distance = data.contact.geom, data.contact.dist
+        limit = self._thresholds[phase][self._kind[geoms[:, 0]], self._kind[geoms[:, 1]]]
+        lack = limit - distance
+        if phase in (Phase.FREE, Phase.CARRY) and self._relaxed:
+            for i in np.flatnonzero(lack > 0):
+                allowed = self._relaxed.get((int(geoms[i, 0]), int(geoms[i, 1])))
+                if allowed is not None and distance[i] >= allowed:
+                    lack[i] = 0.0
+        i = int(np.argmax(lack))
+        if lack[i] <= 0:
+            return None
+        return self._outer_body(int(geoms[i, 0]), int(geoms[i, 1]))
+
+    def path_clear(
+        self, path: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None
+    ) -> bool:
+        """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection is looked at first."""
+        order = np.concatenate(
+            [np.arange(0, len(path), 4), np.setdiff1d(np.arange(len(path)), np.arange(0, len(path), 4))]
+        )
+        return all(self.clear(path[i], phase, width, object_at) for i in order)
+
+    def with_held(self, held: Held, phase: Phase, width: float) -> Callable[[np.ndarray], bool]:
+        """A test of single configurations for a transit with an object in the hand."""
+        return lambda q: self.clear(q, phase, width, held)
+
+    def _place(self, q: np.ndarray, width: float, object_at: Held | np.ndarray | None) -> None:
+        data = self._data
+        data.qpos[:] = self._qpos0
+        data.qpos[self._arm] = q
+        data.qpos[self._fingers] = width / 2
+        if object_at is not None and self._address is not None:
+            pose = object_at
+            if isinstance(object_at, Held):
+                mujoco.mj_kinematics(self.model, data)
+                pose = self._site_pose() @ object_at.tcp_T_object
+            write_free_pose(data.qpos, self._address, np.asarray(pose))
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+
+    def _site_pose(self) -> np.ndarray:
+        pose = np.eye(4)
+        pose[:3, :3] = self._data.site_xmat[self._tcp].reshape(3, 3)
+        pose[:3, 3] = self._data.site_xpos[self._tcp]
+        return pose
+
+    def _relax_start(self, twin: TwinModel) -> None:
+        """Pairs that start inside their clearance may stay as close as they are, so that the arm can leave."""
+        self._place(twin.q, twin.gripper_width, None)
+        contacts = self._data.contact
+        if not self._data.ncon:
+            return
+        phase = Phase.CARRY if twin.held and twin.held == self.subject else Phase.FREE
+        limit = self._thresholds[phase][self._kind[contacts.geom[:, 0]], self._kind[contacts.geom[:, 1]]]
+        for i in np.flatnonzero(contacts.dist < limit):
+            pair = (int(contacts.geom[i, 0]), int(contacts.geom[i, 1]))
+            self._relaxed[pair] = min(self._relaxed.get(pair, np.inf), float(contacts.dist[i]) - SELF_TOLERANCE)
+
+    def _outer_body(self, a: int, b: int) -> str:
+        """Of a pair, the body that is neither robot nor handled object where there is one."""
+        for geom in sorted((a, b), key=lambda g: self._kind[g] not in (_Kind.WORLD, _Kind.SUPPORT)):
+            return body_name(self.model, int(self.model.geom_bodyid[geom]))
+        raise AssertionError("a pair has two geoms")
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; that of the nearest named ancestor where it has none."""
+    while body and not model.body(body).name:
+        body = int(model.body_parentid[body])
+    return model.body(body).name
+
+
+def free_joint_address(model: mujoco.MjModel, name: str) -> int | None:
+    """Where the free joint of a body starts in qpos, or None when the body is fixed."""
+    body = model.body(name)
+    if model.body_dofnum[body.id] != 6:
+        return None
+    return int(model.jnt_qposadr[model.body_jntadr[body.id]])
+
+
+def write_free_pose(qpos: np.ndarray, address: int, pose: np.ndarray) -> None:
+    """Write a pose (4, 4) into the seven numbers of a free joint."""
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(pose[:3, :3]).ravel())
+    qpos[address : address + 3] = pose[:3, 3]
+    qpos[address + 3 : address + 7] = quat
+
+
+def subtree_root(model: mujoco.MjModel, body: int) -> int:
+    """The ancestor of a body that hangs at the world itself."""
+    while model.body_parentid[body]:
+        body = int(model.body_parentid[body])
+    return body
+
+
+def _geom_kinds(model: mujoco.MjModel, subject: str | None, supports: frozenset[str]) -> np.ndarray:
+    kinds = np.zeros(model.ngeom, int)
+    base, arm = {*ARM_BODIES[:2]}, {*ARM_BODIES[2:], HAND_BODY}
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        name = body_name(model, body)
+        if name in arm:
+            kinds[geom] = _Kind.ARM
+        elif name in FINGER_BODIES:
+            kinds[geom] = _Kind.FINGER
+        elif name in base:
+            kinds[geom] = _Kind.BASE
+        else:
+            root = body_name(model, subtree_root(model, body))
+            if subject is not None and subject in (name, root):
+                kinds[geom] = _Kind.OBJECT
+            elif {name, root} & supports:
+                kinds[geom] = _Kind.SUPPORT
+    return kinds
+
+
+def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
+    """Least distance in [m] for each phase and pair of kinds, shape (phases, kinds, kinds)."""
+    table = np.full((len(Phase), len(_Kind), len(_Kind)), IGNORE)
+    arm, finger, held = (c + margin for c in (safety.arm_clearance, safety.finger_clearance, safety.held_clearance))
+    for phase in Phase:
+        t = table[phase]
+        for outside in (_Kind.WORLD, _Kind.SUPPORT):
+            t[_Kind.ARM, outside] = arm
+            t[_Kind.FINGER, outside] = finger
+        t[_Kind.ARM, _Kind.ARM] = t[_Kind.ARM, _Kind.BASE] = safety.self_clearance - SELF_TOLERANCE
+        t[_Kind.FINGER, _Kind.ARM] = t[_Kind.FINGER, _Kind.BASE] = safety.self_clearance - SELF_TOLERANCE
+        if phase == Phase.FREE:
+            t[_Kind.ARM, _Kind.OBJECT], t[_Kind.FINGER, _Kind.OBJECT] = arm, finger
+        else:
+            t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED if phase == Phase.GRASP else 0.0
+        if phase in (Phase.CARRY, Phase.CONTACT):
+            t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
+            t[_Kind.OBJECT, _Kind.SUPPORT] = held if phase == Phase.CARRY else -PRESSED
+        table[phase] = np.maximum(t, t.T)
+    return table

@@ -1,0 +1,150 @@
+"""Where an object could be put: poses of the object that would meet a reward term, from sizes and places alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.goal_predicates import EDGE_MARGIN, PosedObject
+from control.rewards import RewardTerm
+from control.safety import SafetyLimits
+
+RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
+TURNS = 12  # turns about the vertical that are offered
+DROPS = (0.0, 0.015, 0.03, 0.045)  # [m] above the lowest place in a container, for hands that cannot reach down into it
+BESIDE = 6  # places beside the centre that are offered
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A pose in which the object is let go.
+
+    Attributes:
+        world_T_object: Pose at release, shape (4, 4).
+        preference: Lower is better: metres from the best place.
+        text: For people.
+    """
+
+    world_T_object: np.ndarray
+    preference: float
+    text: str
+
+
+def turned(world_T_object: np.ndarray, angle: float, position: np.ndarray) -> np.ndarray:
+    """The same attitude turned by `angle` [rad] about the world's z, at another position; shape (4, 4)."""
+    c, s = np.cos(angle), np.sin(angle)
+    out = np.eye(4)
+    out[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ world_T_object[:3, :3]
+    out[:3, 3] = position
+    return out
+
+
+def on_or_in(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
+    """Poses of `a` on top of `b`, or in `b` when it is a container; the middle first."""
+    return _inside(a, b, rng) if b.container else _on_top(a, b, rng)
+
+
+def away_from(
+    a: PosedObject,
+    other: np.ndarray,
+    distance: float,
+    obstacles: list[PosedObject],
+    safety: SafetyLimits,
+    support_height: float,
+    rng: np.random.Generator,
+    count: int = 24,
+) -> list[Placement]:
+    """Free places of `a` on the table at a horizontal `distance` [m] or more from `other`, nearest to `a` first.
+
+    Args:
+        a: Object to be moved, where it is now.
+        other: Position to keep away from, shape (3,).
+        distance: Horizontal distance to keep in [m].
+        obstacles: Everything else that stands around.
+        safety: For the workspace.
+        support_height: Height of the table top in [m].
+        rng: Source of randomness.
+        count: Most places to return.
+    """
+    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    low = np.asarray(safety.workspace_low)[:2] + radius
+    high = np.asarray(safety.workspace_high)[:2] - radius
+    spots = rng.uniform(low, high, (400, 2))
+    # The base itself stands at the origin; things within its reach of 0.3 m cannot be handled with the hand down.
+    ok = (np.linalg.norm(spots, axis=1) > 0.3) & (np.linalg.norm(spots, axis=1) < 0.75)
+    ok &= np.linalg.norm(spots - np.asarray(other)[:2], axis=1) >= distance + 0.02
+    for thing in obstacles:
+        reach = float(np.hypot(*np.asarray(thing.extents)[:2])) / 2
+        ok &= np.linalg.norm(spots - thing.position[:2], axis=1) >= reach + radius + 0.06
+    spots = spots[ok]
+    order = np.argsort(np.linalg.norm(spots - a.position[:2], axis=1))
+    height = support_height + a.half_height + RELEASE_GAP
+    out = []
+    for i in order[:: max(1, len(order) // count)][:count]:
+        position = np.array([*spots[i], height])
+        # The hand turns with the arm, so the object may as well.
+        swing = np.arctan2(position[1], position[0]) - np.arctan2(a.position[1], a.position[0])
+        far = float(np.linalg.norm(spots[i] - a.position[:2]))
+        for turn in (swing, 0.0, swing + np.pi / 2, swing - np.pi / 2):
+            out.append(Placement(turned(a.pose, float(turn), position), far, f"{far:.2f} m away"))
+    return out
+
+
+def _turns(a: PosedObject, position: np.ndarray) -> np.ndarray:
+    """Turns about the vertical, the one that the arm would bring along first."""
+    swing = np.arctan2(position[1], position[0]) - np.arctan2(a.position[1], a.position[0])
+    steps = np.arange(TURNS) * 2 * np.pi / TURNS
+    return swing + np.where(steps > np.pi, steps - 2 * np.pi, steps)
+
+
+def _on_top(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
+    """On a flat top: with its whole base carried where b is larger, over b's middle where it is smaller."""
+    base = float(np.min(np.asarray(a.extents)[:2])) / 2
+    room = np.maximum(np.asarray(b.extents)[:2] / 2 - max(base, EDGE_MARGIN), 0.0)
+    height = b.top + a.half_height + RELEASE_GAP
+    axes = b.pose[:2, :2]
+    offsets = (
+        [np.zeros(2)]
+        + [rng.uniform(-room, room) for _ in range(BESIDE)]
+        + [np.array([i, j]) * room for i in (-1, 1) for j in (-1, 1) if room.max() > base / 2]
+    )
+    out = []
+    for offset in offsets:
+        if b.shape != "box" and np.linalg.norm(offset) > room.max():
+            continue
+        position = np.array([*(b.position[:2] + axes @ offset), height])
+        aside = float(np.linalg.norm(offset))
+        out += [
+            Placement(turned(a.pose, float(turn), position), aside, f"on {b.name}, {aside * 1e3:.0f} mm off its middle")
+            for turn in _turns(a, position)
+        ]
+    return out
+
+
+def _inside(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
+    """In a container: as low as its floor, or let go higher up where hand and rim would meet."""
+    radius = float(np.min(np.asarray(a.extents)[:2])) / 2
+    room = max(0.0, b.inner_radius - radius - 0.005)
+    offsets = [np.zeros(2)]
+    for _ in range(BESIDE):
+        angle, r = rng.uniform(0, 2 * np.pi), room * np.sqrt(rng.uniform(0.1, 1.0))
+        offsets.append(r * np.array([np.cos(angle), np.sin(angle)]))
+    floor = b.bottom + b.inner_floor + a.half_height + RELEASE_GAP
+    out = []
+    for drop in DROPS:
+        if floor + drop - a.half_height > b.top:
+            continue
+        for offset in offsets:
+            position = np.array([*(b.position[:2] + offset), floor + drop])
+            aside = float(np.linalg.norm(offset))
+            out += [
+                Placement(
+                    turned(a.pose, float(turn), position), drop + aside, f"in {b.name}, dropped {drop * 1e3:.0f} mm"
+                )
+                for turn in _turns(a, position)
+            ]
+    return out
+
+
+def placement_term(term: RewardTerm) -> bool:
+    """Whether a term asks for an object to be put down somewhere."""
+    return term.kind in ("minimize_l2_distance", "maximize_l2_distance")

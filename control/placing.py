@@ -1,0 +1,135 @@
+"""Places that the arm can really reach with an object in the hand: lowering, letting go and leaving are free."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from control.collision_filter import Phase
+from control.grasps import MAX_OPENING
+from control.limits import REST_Q, RobotLimits
+from control.picking import BACK_OFF, LIFT, SPARE_OPENING, ReadyGrasp
+from control.placements import Placement, away_from, on_or_in
+from control.workbench import Workbench, straight_targets
+
+STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
+ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
+NARROW_OPENING = 0.010  # [m] beyond the object: the least release
+
+
+@dataclass(frozen=True)
+class ReadyPlace:
+    """A way to put the object down that the arm can reach.
+
+    Attributes:
+        placement: Where the object goes.
+        lower: From above the place down to it, shape (n, 7).
+        leave: From the place outwards after the release, shape (m, 7).
+        opening: Distance between the pads after the release in [m].
+    """
+
+    placement: Placement
+    lower: np.ndarray
+    leave: np.ndarray
+    opening: float
+
+
+def offered_places(bench: Workbench) -> list[Placement]:
+    """Poses in which the subject would meet the primary term, best first."""
+    task = bench.subtask
+    body = bench.objects[str(task.subject)]
+    if task.manipulation == "place":
+        places = on_or_in(body, bench.objects[str(task.target)], bench.rng)
+        return sorted(places, key=lambda p: p.preference)
+    others = [o for name, o in bench.objects.items() if name != task.subject]
+    at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
+    distance = float(task.term.value or 0.0)
+    return away_from(body, at, distance, others, bench.safety, bench.twin.support_height, bench.rng)
+
+
+def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placement]) -> list[tuple[int, ReadyPlace]]:
+    """Combinations of a grasp (its index) and a place that the arm reaches freely, least joint motion first."""
+    index: list[tuple[int, int]] = []
+    targets, seeds = [], []
+    for i, grasp in enumerate(ready):
+        object_T_tcp = np.linalg.inv(grasp.held.tcp_T_object)
+        lifted = bench.filter.tcp_pose(grasp.lift[-1])
+        for j, place in enumerate(places):
+            target = place.world_T_object @ object_T_tcp
+            if -target[2, 2] < STEEPEST:
+                continue
+            index.append((i, j))
+            targets.append(target)
+            seeds.append(_swung(grasp.lift[-1], lifted, target, bench.limits))
+    if not index:
+        return []
+    owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
+    bench.counts["places_reachable"] += len(owners)
+    if not len(owners):
+        return []
+    effort = [
+        float(np.abs(q - ready[index[k][0]].lift[-1]).max() + 0.3 * np.abs(q - REST_Q).max())
+        for k, q in zip(owners, solutions, strict=True)
+    ]
+    order = np.argsort(effort, kind="stable")[:60]
+    owners, solutions = owners[order], solutions[order]
+    rises = [straight_targets(targets[k], np.array([0.0, 0.0, _rise(bench, places[index[k][1]])])) for k in owners]
+    leaves = [straight_targets(targets[k], -BACK_OFF * targets[k][:3, 2]) for k in owners]
+    up, ok_up = bench.follow(solutions, rises)
+    back, ok_back = bench.follow(solutions, leaves)
+    out = []
+    for n in np.flatnonzero(ok_up):
+        i, j = index[owners[n]]
+        place = _free_place(bench, ready[i], places[j], solutions[n], up[n], back[n] if ok_back[n] else None)
+        if place is not None:
+            out.append((i, place))
+    bench.counts["places_free"] += len(out)
+    return out
+
+
+def _rise(bench: Workbench, place: Placement) -> float:
+    """How far above its place the object is brought in [m]: clear of a container's rim."""
+    task = bench.subtask
+    if task.manipulation == "place" and bench.objects[str(task.target)].container:
+        subject = replace(bench.objects[str(task.subject)], pose=place.world_T_object)
+        return max(LIFT, bench.objects[str(task.target)].top - subject.bottom + ABOVE_RIM)
+    return LIFT
+
+
+def _free_place(
+    bench: Workbench, grasp: ReadyGrasp, place: Placement, q: np.ndarray, up: np.ndarray, back: np.ndarray | None
+) -> ReadyPlace | None:
+    """Check lowering, opening and leaving at one place."""
+    check = bench.filter
+    if not check.clear(q, Phase.CONTACT, grasp.width, grasp.held):
+        return None
+    if not check.clear(up[-1], Phase.CARRY, grasp.width, grasp.held):
+        return None
+    if not check.path_clear(up[:-1], Phase.CONTACT, grasp.width, grasp.held):
+        return None
+    at = place.world_T_object
+    for opening in (MAX_OPENING, min(MAX_OPENING, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
+        if not check.clear(q, Phase.GRASP, opening, at):
+            continue
+        for leave in [back, up] if back is not None else [up]:
+            if check.clear(leave[-1], Phase.FREE, opening, at) and check.path_clear(
+                leave[:-1], Phase.GRASP, opening, at
+            ):
+                return ReadyPlace(place, np.vstack([up[::-1], q[None]]), np.vstack([q[None], leave]), opening)
+    return None
+
+
+def _swung(q: np.ndarray, tcp: np.ndarray, target: np.ndarray, limits: RobotLimits) -> np.ndarray:
+    """A seed for a pose elsewhere: the same posture turned about the base, the hand turned back about its own axis."""
+    seed = q.copy()
+    swing = np.arctan2(target[1, 3], target[0, 3]) - np.arctan2(tcp[1, 3], tcp[0, 3])
+    seed[0] += swing
+    # What the turn of the base does not give, the last joint has to.
+    heading = np.arctan2(target[1, 1], target[0, 1]) - np.arctan2(tcp[1, 1], tcp[0, 1])
+    seed[6] -= (heading - swing + np.pi) % (2 * np.pi) - np.pi
+    for joint in (0, 6):
+        low, high = limits.q_min[joint] + 0.05, limits.q_max[joint] - 0.05
+        if seed[joint] < low and seed[joint] + 2 * np.pi < high:
+            seed[joint] += 2 * np.pi
+        if seed[joint] > high and seed[joint] - 2 * np.pi > low:
+            seed[joint] -= 2 * np.pi
+    return np.clip(seed, limits.q_min + 0.05, limits.q_max - 0.05)

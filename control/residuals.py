@@ -1,0 +1,328 @@
+"""The safety residuals: one table of named definitions that costs the motion search and judges the verdict.
+
+A residual reads a recorded motion of the twin and returns its worst value, when it happened and which bodies took
+part; a motion keeps it when the worst value does not exceed the limit. The excess over the limit, divided by the
+residual's scale, is what the search pays. A reasoner can neither name, weigh nor remove a residual.
+
+    hand_speed        |v_tcp|                                       in the twin, averaged over 20 ms
+    contact_force     force on arm or hand, fingers apart
+    unwanted_contact  force of contacts outside {fingers, subject, supports}
+    self_contact      force between two parts of the robot
+    workspace         distance of the tool centre point outside the box, or inside a keep-out zone
+    moved             displacement of objects that the subtask does not name
+    tipped            tilt of those objects
+    arm_clearance     lack of distance between arm or hand and the world
+    held_clearance    lack of distance between a carried object and the world in transit
+    held_kept         slip of a held object in the hand
+    released          force between fingers and an object that should have been let go, at the end
+    settled           speed of any object over the last `settle_time`
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from control.certificate import CheckResult
+from control.safety import SafetyLimits
+from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY
+
+SPEED_WINDOW = 0.02  # [s]
+# The twin's servo may run a little ahead of or behind the commanded speed; the commanded one is judged exactly.
+SPEED_SLACK = 1.05
+TOUCH = 1.0  # [N]: below, a contact is two surfaces grazing
+HELD_SLIP = 0.02  # [m] that a held object may shift in the hand: fingers that close centre it first
+_ARM = frozenset({*ARM_BODIES, HAND_BODY})
+_FINGERS = frozenset(FINGER_BODIES)
+_ROBOT = _ARM | _FINGERS
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts with force, one row each, in order of time.
+
+    Attributes:
+        step: Index of the sample, int, shape (k,).
+        bodies: Names of the two bodies, k pairs.
+        force: Magnitude in [N], shape (k,).
+    """
+
+    step: np.ndarray
+    bodies: tuple[tuple[str, str], ...]
+    force: np.ndarray
+
+
+@dataclass(frozen=True)
+class Clearances:
+    """Least distances at some samples, as far as they were looked for.
+
+    Attributes:
+        step: Index of the sample, int, shape (k,).
+        arm: Lack of distance between arm or hand and the world in [m], negative where there is room, shape (k,).
+        arm_bodies: What was nearest, k names.
+        held: The same of a carried object in transit, shape (k,); -inf where nothing is carried.
+        held_bodies: What was nearest to it, k names.
+    """
+
+    step: np.ndarray
+    arm: np.ndarray
+    arm_bodies: tuple[str, ...]
+    held: np.ndarray
+    held_bodies: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class HeldSpan:
+    """An object in the hand from one sample to another: start <= step < stop."""
+
+    name: str
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class TwinMotion:
+    """A motion as it went in the twin.
+
+    Attributes:
+        time: Times of the samples in [s], shape (n,).
+        tcp: Pose of the tool centre point, shape (n, 4, 4).
+        objects: Pose of each object over time, name -> (n, 4, 4).
+        contacts: Contacts with force.
+        held: When which object was in the hand.
+        named: Objects that the subtask names.
+        subject: The object that is handled, or None.
+        supports: Bodies that may carry it: those under it at the start, the terms' targets, the table.
+        expects_release: Whether the subject has to be let go at the end.
+        clearances: Least distances, or None where they were not looked for.
+    """
+
+    time: np.ndarray
+    tcp: np.ndarray
+    objects: dict[str, np.ndarray]
+    contacts: Contacts
+    held: tuple[HeldSpan, ...] = ()
+    named: frozenset[str] = frozenset()
+    subject: str | None = None
+    supports: frozenset[str] = field(default_factory=lambda: frozenset({TABLE_BODY}))
+    expects_release: bool = False
+    clearances: Clearances | None = None
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The worst moment of a residual."""
+
+    value: float = 0.0
+    at: float | None = None
+    bodies: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SafetyResidual:
+    """One row of the table.
+
+    Attributes:
+        name: As in reports.
+        unit: Of value and limit.
+        limit: Largest value that is still safe.
+        scale: Excess that costs 1 in the search, in `unit`.
+        measure: Finds the worst moment of a motion.
+    """
+
+    name: str
+    unit: str
+    limit: float
+    scale: float
+    measure: Callable[[TwinMotion], Worst]
+
+    def check(self, motion: TwinMotion) -> CheckResult:
+        """Hold a motion against the limit."""
+        worst = self.measure(motion)
+        ok = bool(np.isfinite(worst.value) and worst.value <= self.limit)
+        return CheckResult(self.name, float(worst.value), self.limit, self.unit, ok, worst.at, worst.bodies)
+
+    def cost(self, motion: TwinMotion) -> float:
+        """max(0, worst - limit) / scale, at most 10 for one residual."""
+        worst = self.measure(motion).value
+        return 10.0 if not np.isfinite(worst) else min(10.0, max(0.0, worst - self.limit) / self.scale)
+
+
+def safety_residuals(safety: SafetyLimits) -> tuple[SafetyResidual, ...]:
+    """The table with the numbers of one cell."""
+    return (
+        SafetyResidual("hand_speed", "m/s", safety.hand_speed * SPEED_SLACK, 0.5, hand_speed),
+        SafetyResidual("contact_force", "N", safety.contact_force, 15.0, contact_force),
+        SafetyResidual("unwanted_contact", "N", TOUCH, 15.0, unwanted_contact),
+        SafetyResidual("self_contact", "N", 0.0, 15.0, self_contact),
+        SafetyResidual("workspace", "m", 0.0, 0.05, lambda motion: outside_workspace(motion, safety)),
+        SafetyResidual("moved", "m", safety.moved, 0.02, moved),
+        SafetyResidual("tipped", "rad", safety.tipped, 0.26, tipped),
+        SafetyResidual("arm_clearance", "m", 0.0, 0.01, arm_clearance),
+        SafetyResidual("held_clearance", "m", 0.0, 0.01, held_clearance),
+        SafetyResidual("held_kept", "m", HELD_SLIP, 0.02, held_slip),
+        SafetyResidual("released", "N", 0.0, 10.0, still_gripped),
+        SafetyResidual(
+            "settled", "m/s", safety.settle_speed, 0.05, lambda motion: restless(motion, safety.settle_time)
+        ),
+    )
+
+
+def hand_speed(motion: TwinMotion) -> Worst:
+    """Speed of the tool centre point in [m/s]: v(t) = |p(t + w) - p(t)| / w with w = 20 ms."""
+    span = _window(motion, SPEED_WINDOW)
+    if len(motion.time) <= span:
+        return Worst()
+    p = motion.tcp[:, :3, 3]
+    speed = np.linalg.norm(p[span:] - p[:-span], axis=1) / (motion.time[span:] - motion.time[:-span])
+    i = int(np.argmax(speed))
+    return Worst(float(speed[i]), float(motion.time[i]), (HAND_BODY,))
+
+
+def contact_force(motion: TwinMotion) -> Worst:
+    """Largest force in [N] between arm or hand (fingers apart) and anything that is not the robot."""
+    return _worst_contact(motion, lambda a, b: (a in _ARM and b not in _ROBOT) or (b in _ARM and a not in _ROBOT))
+
+
+def unwanted_contact(motion: TwinMotion) -> Worst:
+    """Largest force in [N] of a contact of robot or subject outside {fingers, subject, supports}.
+
+    Contacts between other things (a cube that stands on a crate) are nobody's business here.
+    """
+    allowed = _FINGERS | motion.supports | ({motion.subject} if motion.subject else set())
+    acting = _ROBOT | ({motion.subject} if motion.subject else set())
+    if motion.subject is None:  # the palm alone: nothing may be touched, but what it holds may stay in the hand
+        allowed = _FINGERS | {span.name for span in motion.held}
+
+    def unwanted(a: str, b: str) -> bool:
+        if a in _ROBOT and b in _ROBOT:
+            return False
+        return (a in acting or b in acting) and not (a in allowed and b in allowed)
+
+    return _worst_contact(motion, unwanted)
+
+
+def self_contact(motion: TwinMotion) -> Worst:
+    """Largest force in [N] between two parts of the robot; the two fingers of a closed hand touch by right."""
+    return _worst_contact(motion, lambda a, b: a in _ROBOT and b in _ROBOT and not (a in _FINGERS and b in _FINGERS))
+
+
+def outside_workspace(motion: TwinMotion, safety: SafetyLimits) -> Worst:
+    """Distance in [m] of the tool centre point outside the workspace box, or its depth inside a keep-out zone."""
+    p = motion.tcp[:, :3, 3]
+    low, high = np.asarray(safety.workspace_low), np.asarray(safety.workspace_high)
+    depth = np.linalg.norm(np.maximum(low - p, 0.0) + np.maximum(p - high, 0.0), axis=1)
+    for zone_low, zone_high in safety.keep_out:
+        inside = np.minimum(p - np.asarray(zone_low), np.asarray(zone_high) - p).min(axis=1)
+        depth = np.maximum(depth, inside)
+    i = int(np.argmax(depth))
+    return Worst(max(0.0, float(depth[i])), float(motion.time[i]), (HAND_BODY,))
+
+
+def moved(motion: TwinMotion) -> Worst:
+    """Largest displacement in [m], from its start, of an object that the subtask does not name."""
+    return _worst_unnamed(motion, lambda poses: np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1))
+
+
+def tipped(motion: TwinMotion) -> Worst:
+    """Largest change in [rad] of the direction of an unnamed object's z axis; a turn about the vertical is none."""
+
+    def tilt(poses: np.ndarray) -> np.ndarray:
+        return np.arccos(np.clip(poses[:, :3, 2] @ poses[0, :3, 2], -1.0, 1.0))
+
+    return _worst_unnamed(motion, tilt)
+
+
+def arm_clearance(motion: TwinMotion) -> Worst:
+    """Largest lack of distance in [m] between arm or hand and the world; 0 where everything keeps its distance."""
+    c = motion.clearances
+    if c is None or not len(c.step):
+        return Worst()
+    i = int(np.argmax(c.arm))
+    return Worst(max(0.0, float(c.arm[i])), float(motion.time[c.step[i]]), (HAND_BODY, c.arm_bodies[i]))
+
+
+def held_clearance(motion: TwinMotion) -> Worst:
+    """The same for a carried object, in the stretches in which it may touch nothing."""
+    c = motion.clearances
+    if c is None or not len(c.step) or not np.isfinite(c.held).any():
+        return Worst()
+    i = int(np.argmax(c.held))
+    held = next((s.name for s in motion.held if s.start <= c.step[i] < s.stop), motion.subject or "")
+    return Worst(max(0.0, float(c.held[i])), float(motion.time[c.step[i]]), (held, c.held_bodies[i]))
+
+
+def held_slip(motion: TwinMotion) -> Worst:
+    """Largest shift in [m] of a held object in the hand, against where it was when the hold began."""
+    worst = Worst()
+    for span in motion.held:
+        poses, tcp = motion.objects[span.name][span.start : span.stop], motion.tcp[span.start : span.stop]
+        if len(poses) < 2:
+            continue
+        local = np.einsum("nji,nj->ni", tcp[:, :3, :3], poses[:, :3, 3] - tcp[:, :3, 3])
+        slip = np.linalg.norm(local - local[0], axis=1)
+        i = int(np.argmax(slip))
+        if slip[i] > worst.value:
+            worst = Worst(float(slip[i]), float(motion.time[span.start + i]), (span.name,))
+    return worst
+
+
+def still_gripped(motion: TwinMotion) -> Worst:
+    """Force in [N] between robot and subject at the end, where the subject had to be let go."""
+    if not motion.expects_release or motion.subject is None:
+        return Worst()
+    late = motion.time[-1] - 0.1
+    subject = motion.subject
+
+    def gripping(a: str, b: str) -> bool:
+        return subject in (a, b) and bool({a, b} & _ROBOT)
+
+    return _worst_contact(motion, gripping, late)
+
+
+def restless(motion: TwinMotion, settle_time: float) -> Worst:
+    """Largest speed in [m/s] of any object over the last `settle_time` [s], measured over 20 ms."""
+    span = _window(motion, SPEED_WINDOW)
+    first = int(np.searchsorted(motion.time, motion.time[-1] - settle_time))
+    worst = Worst()
+    for name, poses in motion.objects.items():
+        p = poses[first:, :3, 3]
+        if len(p) <= span:
+            continue
+        speed = np.linalg.norm(p[span:] - p[:-span], axis=1) / (motion.time[first + span] - motion.time[first])
+        i = int(np.argmax(speed))
+        if speed[i] > worst.value:
+            worst = Worst(float(speed[i]), float(motion.time[first + i]), (name,))
+    return worst
+
+
+def _window(motion: TwinMotion, seconds: float) -> int:
+    step = float(motion.time[1] - motion.time[0]) if len(motion.time) > 1 else seconds
+    return max(1, round(seconds / step))
+
+
+def _worst_contact(motion: TwinMotion, counts: Callable[[str, str], bool], since: float = -np.inf) -> Worst:
+    """Largest force over the contacts that count; forces of one pair of bodies at one time add up."""
+    c = motion.contacts
+    verdicts = {pair: counts(*pair) for pair in set(c.bodies)}
+    sums: dict[tuple[int, tuple[str, str]], float] = {}
+    for step, pair, force in zip(c.step, c.bodies, c.force, strict=True):
+        if verdicts[pair] and motion.time[step] >= since:
+            key = (int(step), pair)
+            sums[key] = sums.get(key, 0.0) + float(force)
+    if not sums:
+        return Worst()
+    step, pair = max(sums, key=lambda k: sums[k])
+    return Worst(sums[step, pair], float(motion.time[step]), pair)
+
+
+def _worst_unnamed(motion: TwinMotion, measure: Callable[[np.ndarray], np.ndarray]) -> Worst:
+    worst = Worst()
+    for name, poses in motion.objects.items():
+        if name in motion.named:
+            continue
+        values = measure(poses)
+        i = int(np.argmax(values))
+        if values[i] > worst.value:
+            worst = Worst(float(values[i]), float(motion.time[i]), (name,))
+    return worst

@@ -1,0 +1,112 @@
+"""What a reward spec asks the hand to do: one manipulation, read from the primary term alone.
+
+The primary term decides which object is handled and where the motion ends; the other terms only shape the cost. No
+name of a scene or task enters here.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from control.goal_predicates import PosedObject, TermJudgement, check_supported, judge_term
+from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
+from control.twin_model import TwinModel
+
+Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring"]
+
+
+@dataclass(frozen=True)
+class Subtask:
+    """A spec made concrete.
+
+    Attributes:
+        manipulation: `reach` the palm near an object; `rest` the palm at its rest position; `retreat` the palm away
+            from something; `place` an object on or in another; `away` an object put down far from something; `lift` an
+            object held up; `bring` an object held at the rest position.
+        subject: The object that is handled, or None when only the palm moves.
+        target: The other object, "palm" or "rest_position", or None.
+        term: The primary term.
+    """
+
+    manipulation: Manipulation
+    subject: str | None
+    target: str | None
+    term: RewardTerm
+
+    @property
+    def releases(self) -> bool:
+        """Whether the object has to be let go at the end."""
+        return self.manipulation in ("place", "away")
+
+    @property
+    def holds(self) -> bool:
+        """Whether the object has to be in the hand at the end."""
+        return self.manipulation in ("lift", "bring")
+
+
+def read_subtask(spec: RewardSpec) -> Subtask:
+    """The manipulation that a spec's primary term asks for.
+
+    Raises:
+        RewardSpecError: A term of the spec is of a kind that the motion search does not support yet.
+    """
+    for term in spec.terms:
+        check_supported(term)
+    term = spec.primary
+    first, second = term.subject, term.target
+    places = (PALM, REST_POSITION)
+    if term.kind == "set_obj_z_position":
+        return Subtask("lift", first, None, term)
+    if term.kind == "maximize_l2_distance":
+        if first == PALM or (first in places and second not in places):
+            return Subtask("retreat", None, second if first == PALM else first, term)
+        return Subtask("away", first, second, term)
+    if first in places and second in places:
+        return Subtask("rest", None, REST_POSITION, term)
+    if PALM in (first, second):
+        return Subtask("reach", None, second if first == PALM else first, term)
+    if REST_POSITION in (first, second):
+        return Subtask("bring", second if first == REST_POSITION else first, REST_POSITION, term)
+    return Subtask("place", first, second, term)
+
+
+def posed_objects(twin: TwinModel, data: mujoco.MjData) -> dict[str, PosedObject]:
+    """The twin's objects where `data` has them (its kinematics must be up to date)."""
+    out = {}
+    for thing in twin.objects:
+        body = data.body(thing.name)
+        world_T_object = np.eye(4)
+        world_T_object[:3, :3] = body.xmat.reshape(3, 3)
+        world_T_object[:3, 3] = body.xpos
+        out[thing.name] = posed(twin, thing.name, world_T_object)
+    return out
+
+
+def posed(twin: TwinModel, name: str, world_T_object: np.ndarray) -> PosedObject:
+    """One of the twin's objects at a pose (4, 4)."""
+    thing = twin.get(name)
+    if thing is None:
+        raise KeyError(name)
+    return PosedObject(
+        name,
+        world_T_object,
+        np.asarray(thing.extents),
+        thing.shape,
+        thing.container,
+        thing.inner_floor,
+        thing.inner_radius,
+    )
+
+
+def judge_spec(
+    spec: RewardSpec,
+    objects: dict[str, PosedObject],
+    palm: np.ndarray,
+    rest_palm: np.ndarray,
+    start_objects: dict[str, PosedObject],
+    support_height: float,
+) -> list[TermJudgement]:
+    """Judgements of all terms, in their order."""
+    return [judge_term(t, objects, palm, rest_palm, start_objects, support_height) for t in spec.terms]
