@@ -53,7 +53,7 @@ class GrabCutSegmenter:
             seed: Pixels that the detector is sure of; the rest of the box then starts as probable background.
         """
         mask = np.zeros(frame.depth.shape, bool)
-        height, width = mask.shape
+        width, height = frame.intrinsics.width, frame.intrinsics.height
         x0, y0, x1, y1 = _whole_pixels(box_px, width, height)
         if x1 - x0 < 3 or y1 - y0 < 3:
             return mask

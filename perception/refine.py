@@ -223,8 +223,8 @@ def outline_distance(outline: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
     The largest distance to the hull's edge lines: exact beside edges, slightly too small off corners.
     """
-    order = np.asarray(cv2.convexHull(vertices.astype(np.float32).reshape(-1, 1, 2), returnPoints=False)).ravel()
-    hull = vertices[order]
+    order = cv2.convexHull(vertices.astype(np.float32).reshape(-1, 1, 2), returnPoints=False)
+    hull = vertices[np.asarray(order, dtype=np.intp).ravel()]
     edge = np.roll(hull, -1, 0) - hull
     length = np.linalg.norm(edge, axis=1)
     hull, edge = hull[length > 1e-9], edge[length > 1e-9] / length[length > 1e-9, None]
