@@ -8,8 +8,6 @@ is stated here with its source.
 Groups of geoms: 3 = collision, 2 = pictures (no contacts). The pads' geoms are named `left_pad` and `right_pad`.
 """
 
-import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -28,6 +26,8 @@ from control.twin_model import (
     TCP_SITE,
 )
 from sim_check.capsules import stored_boxes, stored_capsules
+from sim_check.robot_meshes import add_pictures
+from sim_check.urdf import UrdfLink, child, number, numbers, origin, read_links
 
 COLLISION_GROUP = 3
 PICTURE_GROUP = 2
@@ -60,16 +60,6 @@ SHELL_RGBA = (0.9, 0.5, 0.2, 0.4)
 FINGER_RGBA = (0.2, 0.2, 0.2, 0.6)
 
 
-@dataclass(frozen=True)
-class _Link:
-    """One URDF link: its place in the tree and what it weighs; lengths in [m], angles in [rad]."""
-
-    name: str
-    joint: ElementTree.Element | None
-    parent: str | None
-    element: ElementTree.Element
-
-
 def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.MjSpec:
     """The Panda at the world's origin, with actuators, sites, exclusions and the physics options that grasping needs.
 
@@ -84,7 +74,7 @@ def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.Mj
     Raises:
         ConfigError: example-robot-data is not installed, or its URDF lacks a link or joint that the stack names.
     """
-    links = _read_links(panda_urdf())
+    links = read_links(panda_urdf())
     spec = mujoco.MjSpec()
     spec.modelname = "panda"
     _set_physics(spec)
@@ -92,11 +82,11 @@ def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.Mj
     frames = {"": (spec.worldbody, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))}
     for link in links:
         parent, offset, turn = frames[link.parent or ""]
-        pos, quat = (np.zeros(3), np.array([1.0, 0, 0, 0])) if link.joint is None else _origin(link.joint)
+        pos, quat = (np.zeros(3), np.array([1.0, 0, 0, 0])) if link.joint is None else origin(link.joint)
         pos, quat = _compose(offset, turn, pos, quat)
         if link.name == TCP_LINK:
             parent.add_site(name=TCP_SITE, pos=pos, quat=quat, size=[0.004] * 3, group=4)
-        if link.joint is not None and link.joint.get("type") == "fixed" and _mass(link) == 0.0:
+        if link.joint is not None and link.joint.get("type") == "fixed" and link.mass == 0.0:
             frames[link.name] = (parent, pos, quat)  # a frame without substance
             continue
         body = parent.add_body(name=link.name, pos=pos, quat=quat, gravcomp=1.0)
@@ -111,9 +101,7 @@ def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.Mj
     _add_servos(spec, links)
     _add_exclusions(spec)
     if meshes:
-        from sim_check.robot_meshes import add_pictures
-
-        add_pictures(spec, {link.name: link.element for link in links}, mesh_cache)
+        add_pictures(spec, links, PICTURE_GROUP, mesh_cache)
     return spec
 
 
@@ -132,49 +120,6 @@ def _set_physics(spec: mujoco.MjSpec) -> None:
     option.ls_tolerance = 1e-3
 
 
-def _read_links(path: Path) -> list[_Link]:
-    """All links, parents before children."""
-    root = ElementTree.parse(path).getroot()
-    elements = {str(e.get("name")): e for e in root.findall("link")}
-    joints = root.findall("joint")
-    child_joint = {_linked(j, "child"): j for j in joints}
-    ordered: list[_Link] = []
-    waiting = [name for name in elements if name not in child_joint]
-    while waiting:
-        name = waiting.pop(0)
-        joint = child_joint.get(name)
-        parent = None if joint is None else _linked(joint, "parent")
-        ordered.append(_Link(name, joint, parent, elements[name]))
-        waiting += [_linked(j, "child") for j in joints if _linked(j, "parent") == name]
-    return ordered
-
-
-def _linked(joint: ElementTree.Element, which: str) -> str:
-    return str(_child(joint, which).get("link"))
-
-
-def _child(element: ElementTree.Element, tag: str) -> ElementTree.Element:
-    found = element.find(tag)
-    if found is None:
-        raise ConfigError(f"the Panda's URDF has no <{tag}> in '{element.get('name')}'; reinstall example-robot-data")
-    return found
-
-
-def _numbers(text: str | None, default: str = "0 0 0") -> np.ndarray:
-    return np.array([float(x) for x in (text or default).split()])
-
-
-def _origin(element: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
-    """Position in [m] and quaternion (w, x, y, z) of an element's <origin>."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    quat = np.zeros(4)
-    # URDF: fixed-axis roll, pitch, yaw, which MuJoCo calls "XYZ" in capitals.
-    mujoco.mju_euler2Quat(quat, _numbers(origin.get("rpy")), "XYZ")
-    return _numbers(origin.get("xyz")), quat
-
-
 def _compose(
     pos_a: np.ndarray, quat_a: np.ndarray, pos_b: np.ndarray, quat_b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -183,33 +128,28 @@ def _compose(
     return pos, quat
 
 
-def _mass(link: _Link) -> float:
-    inertial = link.element.find("inertial")
-    return 0.0 if inertial is None else float(_child(inertial, "mass").get("value", "0"))
-
-
-def _add_inertia(body: mujoco.MjsBody, link: _Link) -> None:
-    inertial = _child(link.element, "inertial")
-    tensor = _child(inertial, "inertia")
-    pos, quat = _origin(inertial)
+def _add_inertia(body: mujoco.MjsBody, link: UrdfLink) -> None:
+    inertial = child(link.element, "inertial")
+    tensor = child(inertial, "inertia")
+    pos, quat = origin(inertial)
     body.explicitinertial = True
-    body.mass = _mass(link)
+    body.mass = link.mass
     body.ipos = pos
     body.iquat = quat
-    body.fullinertia = [float(tensor.get(k, "0")) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+    body.fullinertia = [number(tensor, k) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
 
 
-def _add_joint(body: mujoco.MjsBody, link: _Link) -> None:
+def _add_joint(body: mujoco.MjsBody, link: UrdfLink) -> None:
     if link.joint is None or link.joint.get("type") == "fixed":
         return
-    limit = _child(link.joint, "limit")
+    limit = child(link.joint, "limit")
     slides = link.joint.get("type") == "prismatic"
-    damping = FINGER_DAMPING if slides else float(_child(link.joint, "dynamics").get("damping", "0"))
+    damping = FINGER_DAMPING if slides else number(child(link.joint, "dynamics"), "damping")
     body.add_joint(
         name=str(link.joint.get("name")),
         type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
-        axis=_numbers(_child(link.joint, "axis").get("xyz")),
-        range=[float(limit.get("lower", "0")), float(limit.get("upper", "0"))],
+        axis=numbers(child(link.joint, "axis").get("xyz")),
+        range=[number(limit, "lower"), number(limit, "upper")],
         armature=FINGER_ARMATURE if slides else ARM_ARMATURE,
         damping=[damping, 0.0, 0.0],
     )
@@ -231,14 +171,14 @@ def _dress(geom: mujoco.MjsGeom, rgba: tuple[float, ...]) -> None:
     geom.rgba = rgba
 
 
-def _add_finger_boxes(body: mujoco.MjsBody, link: _Link) -> None:
+def _add_finger_boxes(body: mujoco.MjsBody, link: UrdfLink) -> None:
     """The URDF's collision boxes; the one farthest from the hand is the pad, with the contact that holds things."""
     side = "left" if link.name == FINGER_BODIES[0] else "right"
     boxes = link.element.findall("collision")
-    places = [_origin(box) for box in boxes]
+    places = [origin(box) for box in boxes]
     tip = int(np.argmax([pos[2] for pos, _ in places]))
     for i, (box, (pos, quat)) in enumerate(zip(boxes, places, strict=True)):
-        size = _numbers(_child(_child(box, "geometry"), "box").get("size")) / 2
+        size = numbers(child(child(box, "geometry"), "box").get("size")) / 2
         geom = body.add_geom(
             name=f"{side}_pad" if i == tip else f"{side}_finger{i}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -267,11 +207,11 @@ def _require(spec: mujoco.MjSpec) -> None:
         raise ConfigError(f"the Panda's URDF lacks {missing}; install the locked version of example-robot-data")
 
 
-def _add_servos(spec: mujoco.MjSpec, links: list[_Link]) -> None:
+def _add_servos(spec: mujoco.MjSpec, links: list[UrdfLink]) -> None:
     joints = {str(link.joint.get("name")): link.joint for link in links if link.joint is not None}
     for name, stiffness in zip(ARM_JOINTS, STIFFNESS, strict=True):
-        limit = _child(joints[name], "limit")
-        effort = float(limit.get("effort", "0"))
+        limit = child(joints[name], "limit")
+        effort = number(limit, "effort")
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness, kv=SERVO_LEAD * stiffness)
         servo.forcerange = [-effort, effort]
@@ -283,7 +223,7 @@ def _add_servos(spec: mujoco.MjSpec, links: list[_Link]) -> None:
     servo = spec.add_actuator(name=GRIPPER_ACTUATOR, target="half_width", trntype=mujoco.mjtTrn.mjTRN_TENDON)
     servo.set_to_position(kp=FINGER_STIFFNESS, kv=FINGER_SERVO_DAMPING)
     servo.forcerange = [-2 * PAD_FORCE, 2 * PAD_FORCE]
-    servo.ctrlrange = [float(_child(joints[FINGER_JOINTS[0]], "limit").get(k, "0")) for k in ("lower", "upper")]
+    servo.ctrlrange = [number(child(joints[FINGER_JOINTS[0]], "limit"), k) for k in ("lower", "upper")]
     # The second finger mirrors the first (the URDF's <mimic>).
     coupling = spec.add_equality(
         name="fingers", type=mujoco.mjtEq.mjEQ_JOINT, name1=FINGER_JOINTS[0], name2=FINGER_JOINTS[1]

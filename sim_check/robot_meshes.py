@@ -6,7 +6,7 @@ triangles that collapse disappear.
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +15,8 @@ import numpy as np
 
 from control.errors import ConfigError
 from control.robot_files import panda_description
+from sim_check.urdf import UrdfLink, child, origin
 
-PICTURE_GROUP = 2
 CELL = 0.0025  # side of a clustering cell in [m]: under a pixel from a metre away at 640x480 and 60 degrees
 # Coloured parts under this many triangles (a status light's faces, screws) are not worth a mesh of their own.
 SMALLEST_PART = 60
@@ -37,18 +37,19 @@ class ColouredMesh:
     colour: np.ndarray
 
 
-def add_pictures(spec: mujoco.MjSpec, links: Mapping[str, ElementTree.Element], cache: Path | None = None) -> None:
-    """Add the visual meshes of all links to their bodies, in group 2 and without contacts.
+def add_pictures(spec: mujoco.MjSpec, links: Sequence[UrdfLink], group: int, cache: Path | None = None) -> None:
+    """Add the visual meshes of all links to their bodies, without contacts.
 
     Args:
         spec: A specification whose bodies carry the links' names.
-        links: The URDF's <link> elements by name.
+        links: The robot's links.
+        group: Group of the pictures' geoms.
         cache: Folder that keeps the thinned meshes as one file; created when missing. None converts every time.
 
     Raises:
         ConfigError: A mesh file that the URDF names is missing.
     """
-    sources = {name: visual for name, link in links.items() if (visual := link.find("visual")) is not None}
+    sources = {link.name: visual for link in links if (visual := link.element.find("visual")) is not None}
     files = {name: _mesh_file(visual) for name, visual in sources.items()}
     parts = _thinned(sorted(set(files.values())), cache)
     for file, meshes in parts.items():
@@ -59,7 +60,7 @@ def add_pictures(spec: mujoco.MjSpec, links: Mapping[str, ElementTree.Element], 
             # Open surfaces have no volume; the body's inertia comes from the URDF anyway.
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     for name, visual in sources.items():
-        pos, quat = _origin(visual)
+        pos, quat = origin(visual)
         for i, part in enumerate(parts[files[name]]):
             spec.body(name).add_geom(
                 name=f"{name}_picture{i}",
@@ -68,7 +69,7 @@ def add_pictures(spec: mujoco.MjSpec, links: Mapping[str, ElementTree.Element], 
                 pos=pos,
                 quat=quat,
                 rgba=part.colour,
-                group=PICTURE_GROUP,
+                group=group,
                 contype=0,
                 conaffinity=0,
                 mass=0.0,
@@ -125,9 +126,7 @@ def thin(vertices: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarr
 
 
 def _mesh_file(visual: ElementTree.Element) -> Path:
-    mesh = visual.find("geometry/mesh")
-    if mesh is None:
-        raise ConfigError("a <visual> of the Panda's URDF has no mesh; install the locked version")
+    mesh = child(child(visual, "geometry"), "mesh")
     # package://example-robot-data/robots/panda_description/meshes/visual/link0.dae
     return panda_description() / str(mesh.get("filename")).rsplit("panda_description/", 1)[-1]
 
@@ -159,12 +158,3 @@ def _thinned(files: list[Path], cache: Path | None) -> dict[Path, list[ColouredM
     np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]
     partial.replace(store)
     return parts
-
-
-def _origin(element: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
-    origin = element.find("origin")
-    quat = np.array([1.0, 0.0, 0.0, 0.0])
-    if origin is None:
-        return np.zeros(3), quat
-    mujoco.mju_euler2Quat(quat, np.array([float(x) for x in origin.get("rpy", "0 0 0").split()]), "XYZ")
-    return np.array([float(x) for x in origin.get("xyz", "0 0 0").split()]), quat
