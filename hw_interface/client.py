@@ -29,6 +29,7 @@ from hw_interface.messages import (
     TruthRequest,
 )
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
+from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -45,6 +46,8 @@ from hw_interface.transport import (
 )
 from hw_interface.wire import decode
 from perception.frames import RgbdFrame
+
+__all__ = ["CellClient", "ExecutionReport", "Progress", "SimProcess", "start_sim_process"]
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
 SILENCE = 3.0  # [s] without a state while the process itself is alive: its loop hangs (a picture may take a second)

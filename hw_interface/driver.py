@@ -18,12 +18,12 @@ import numpy as np
 
 from control.certificate import Certificate
 from control.errors import RefusedError, StackError
+from control.on_path_stop import stop_on_path
 from control.trajectory import SAMPLE_TIME, Trajectory
 from hw_interface.backend import Measured, RobotBackend
 from hw_interface.gate import Gate
 from hw_interface.messages import Accepted, Mode, RobotState, Trouble
 from hw_interface.motion_messages import MotionResult
-from hw_interface.stop_samples import stopping_samples
 from hw_interface.supervisor import SupervisionLimits, Supervisor
 
 LOG = logging.getLogger(__name__)
@@ -239,7 +239,8 @@ class Driver:
         motion.stop_mode, motion.trouble = then, trouble
         self._mode = "stopping"
         try:
-            motion.stop_q, motion.stop_qd = stopping_samples(motion.trajectory, motion.sample, self.gate.robot_limits)
+            stop = stop_on_path(motion.trajectory, max(0, motion.sample - 1), self.gate.robot_limits)
+            motion.stop_q, motion.stop_qd = stop.q, stop.qd
         except Exception as error:
             LOG.exception("no stop on the path was found")
             self._hold(trouble or _internal(error))

@@ -55,8 +55,7 @@ class Gate:
             used_serials: Serials of certificates that were played.
 
         Raises:
-            RefusedError: no_certificate, trajectory_changed, certificate_used, certificate_expired, wrong_profile,
-                wrong_limits, start_mismatch, scene_too_old or breaks_limit.
+            RefusedError: Any code of `control.certify.verify_certificate`, breaks_limit, or start_mismatch.
         """
         verify_certificate(
             certificate,

@@ -13,7 +13,7 @@ from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
 from hw_interface.messages import Truth
-from hw_interface.node import RobotNode
+from hw_interface.node import STATE_PERIOD, RobotNode
 from perception.frames import RgbdFrame
 
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
@@ -21,6 +21,7 @@ IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
 MOST_LATE = 0.05  # [s] of wall time that are caught up after a delay
 FROZEN_AFTER = 1.0  # [s]; a loop that stood still this long (a suspended process) must not go on with a motion
 PARENT_CHECK = 0.25  # [s]
+FAREWELL_TIME = 0.3  # [s]
 END_STOP_TIME = 3.0  # [s] of robot time that a stop may take when the process is told to end in a motion
 
 
@@ -147,9 +148,16 @@ def run_loop(driver: Driver, node: RobotNode, leash: Leash, speed: float) -> Non
         # A loop that is too slow for the pace runs late; it never hurries to catch up for more than a moment.
         due = max(due + burst / pace, clock() - MOST_LATE) if pace > 0.0 else clock()
     if driver.moving:
-        driver.stop()
-        for _ in range(round(END_STOP_TIME / SAMPLE_TIME)):
-            if not driver.moving:
-                break
-            driver.tick()
-    node.publish_state()
+        _rest_and_tell(driver, node)
+
+
+def _rest_and_tell(driver: Driver, node: RobotNode) -> None:
+    """Bring the arm to rest, then stay long enough that whoever waits for the motion learns what became of it."""
+    driver.stop()
+    for _ in range(round(END_STOP_TIME / SAMPLE_TIME)):
+        if not driver.moving:
+            break
+        driver.tick()
+    until = time.monotonic() + FAREWELL_TIME
+    while (left := until - time.monotonic()) > 0.0:
+        node.serve(min(left, STATE_PERIOD))

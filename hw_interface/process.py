@@ -59,10 +59,11 @@ def start_sim_process(command: Sequence[str], deadline: float = 60.0) -> SimProc
     """Start a simulated cell and wait until it is ready.
 
     It runs in a session of its own, so that Ctrl-C in a terminal reaches only the client, which then brings the arm
-    to rest. Pass the cell its `--parent-pid`, so that it ends when the client is killed.
+    to rest. It is told this process's id, so that it ends when this process is killed.
 
     Args:
-        command: Program and arguments; it must print the ready line of `hw_interface.pacing.announce` on stdout.
+        command: Program and arguments; `--parent-pid PID` is added to them. It must print the ready line of
+            `hw_interface.pacing.announce` on stdout.
         deadline: Longest wait for that line in [s].
 
     Raises:
@@ -72,7 +73,7 @@ def start_sim_process(command: Sequence[str], deadline: float = 60.0) -> SimProc
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (kept open as long as the process runs)
     try:
         process = subprocess.Popen(
-            list(command),
+            [*command, "--parent-pid", str(os.getpid())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=errors,

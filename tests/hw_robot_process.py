@@ -1,15 +1,14 @@
-"""A robot process for tests: `python -m tests.hw_robot_process perfect|simulated ENDPOINT SPEED PARENT_PID`."""
+"""A robot process for tests: `python -m tests.hw_robot_process perfect|simulated|unscored ENDPOINT SPEED --parent-pid PID`."""
 
 import sys
 import time
+from functools import partial
 
 import numpy as np
 
 from hw_interface.messages import ObjectTruth, Truth
 from hw_interface.pacing import Leash, serve_robot
-from tests.hw_support import blank_frame, gate, perfect_driver
-
-CUBE = 0.04  # [m]
+from tests.hw_support import blank_frame, perfect_driver
 
 
 def run_perfect(endpoint: str, speed: float, parent: int) -> None:
@@ -27,7 +26,7 @@ def run_perfect(endpoint: str, speed: float, parent: int) -> None:
     )
 
 
-def run_simulated(endpoint: str, speed: float, parent: int) -> None:
+def run_simulated(endpoint: str, speed: float, parent: int, score: bool = True) -> None:
     """A Panda over a table with one cube below its hand, as physics has it."""
     from control.limits import panda_limits
     from control.safety import SafetyLimits
@@ -44,11 +43,12 @@ def run_simulated(endpoint: str, speed: float, parent: int) -> None:
         safety=SafetyLimits(),
         endpoint=endpoint,
         speed=speed,
-        score=True,
+        score=score,
         parent_pid=parent,
     )
 
 
 if __name__ == "__main__":
-    kind, endpoint, speed, parent = sys.argv[1:]
-    {"perfect": run_perfect, "simulated": run_simulated}[kind](endpoint, float(speed), int(parent))
+    kind, endpoint, speed, _, parent = sys.argv[1:]
+    runs = {"perfect": run_perfect, "simulated": run_simulated, "unscored": partial(run_simulated, score=False)}
+    runs[kind](endpoint, float(speed), int(parent))

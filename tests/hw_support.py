@@ -1,6 +1,5 @@
 """What the tests of hw_interface share: short motions, certificates, and robots in processes of their own."""
 
-import os
 import sys
 import time
 import uuid
@@ -109,7 +108,7 @@ def blank_frame(camera: str) -> RgbdFrame:
 @contextmanager
 def robot_process(kind: str = "perfect", speed: float = 1.0, endpoint: str = "tcp/127.0.0.1:0") -> Iterator[SimProcess]:
     """A robot process of `tests.hw_robot_process`, ended afterwards."""
-    command = [sys.executable, "-m", "tests.hw_robot_process", kind, endpoint, str(speed), str(os.getpid())]
+    command = [sys.executable, "-m", "tests.hw_robot_process", kind, endpoint, str(speed)]
     with start_sim_process(command, deadline=60.0) as process:
         yield process
 

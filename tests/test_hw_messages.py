@@ -4,14 +4,14 @@ import msgpack
 import numpy as np
 import pytest
 
+from control.limits import REST_Q
+from control.trajectory import GripperCommand
 from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import RobotState, StopRequest
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode
 from tests.hw_support import blank_frame, certificate, joined, perfect_driver, swing
-from control.limits import REST_Q
-from control.trajectory import GripperCommand
 
 
 def envelope(kind: str, body: object, protocol: object = PROTOCOL_VERSION) -> bytes:
@@ -52,7 +52,9 @@ def test_a_state_arrives_unchanged():
     assert decode(encode(state), RobotState) == state
 
 
-@pytest.mark.parametrize("data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), envelope("stop_request", {})[:-1]])
+@pytest.mark.parametrize(
+    "data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), envelope("stop_request", {})[:-1]]
+)
 def test_bytes_that_are_no_message_are_refused(data: bytes):
     with pytest.raises(MessageError, match="message field 'message'"):
         decode(data, StopRequest)
