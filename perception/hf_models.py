@@ -10,11 +10,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from perception.errors import ModelUnavailableError
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection
+
+# Means and spreads of ImageNet's RGB channels, 0..1; the published SAM 2 weights were trained with them.
+IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
+IMAGENET_STD = np.array([0.229, 0.224, 0.225])
 
 
 class TransformersDetector:
@@ -108,6 +113,8 @@ class TransformersSegmenter:
         """
         torch = _package("torch")
         processor, model = _load_segmenter(self.model, self.offline)
+        if processor is None:
+            return self._segment_sam2(frame, box_px, torch, model)
         box = [[[float(b) for b in box_px]]]
         inputs = processor(images=np.array(frame.colour), input_boxes=box, return_tensors="pt").to(model.device)
         with torch.inference_mode():
@@ -116,16 +123,34 @@ class TransformersSegmenter:
             output = model(
                 input_boxes=inputs["input_boxes"], image_embeddings=self._embedded[1], multimask_output=False
             )
-        sizes = [inputs["original_sizes"].cpu()]
-        if "reshaped_input_sizes" in inputs:
-            sizes.append(inputs["reshaped_input_sizes"].cpu())
+        sizes = inputs["original_sizes"].cpu(), inputs["reshaped_input_sizes"].cpu()
         masks = processor.post_process_masks(output.pred_masks.float().cpu(), *sizes)
         return np.asarray(masks[0]).reshape(-1, *frame.depth.shape)[0] > 0
 
+    def _segment_sam2(self, frame: RgbdFrame, box_px: np.ndarray, torch: Any, model: Any) -> np.ndarray:
+        """The same with SAM 2, whose processor in `transformers` needs a further package for a plain resize.
 
-def prompts(
-    tokenizer: Any, phrases: Sequence[str], limit: int
-) -> list[tuple[str, dict[str, tuple[int, int]]]]:
+        SAM 2 sees the picture stretched to a square and normalised as for ImageNet; boxes are stretched alike.
+        """
+        size = model.config.prompt_encoder_config.image_size
+        side = int(size[0] if isinstance(size, list | tuple) else size)
+        height, width = frame.depth.shape
+        if self._embedded is None or self._embedded[0] is not frame.colour:
+            square = cv2.resize(np.array(frame.colour), (side, side), interpolation=cv2.INTER_LINEAR)
+            normal = (square / 255.0 - IMAGENET_MEAN) / IMAGENET_STD
+            pixels = torch.tensor(normal.transpose(2, 0, 1)[None], dtype=torch.float32, device=model.device)
+            with torch.inference_mode():
+                self._embedded = (frame.colour, model.get_image_embeddings(pixels))
+        box = np.asarray(box_px, float) * side / np.array([width, height, width, height])
+        boxes = torch.tensor(box.reshape(1, 1, 4), dtype=torch.float32, device=model.device)
+        with torch.inference_mode():
+            output = model(input_boxes=boxes, image_embeddings=self._embedded[1], multimask_output=False)
+        logits = output.pred_masks.float().cpu().numpy()
+        logits = np.ascontiguousarray(logits.reshape(-1, *logits.shape[-2:])[0])
+        return cv2.resize(logits, (width, height), interpolation=cv2.INTER_LINEAR) > 0
+
+
+def prompts(tokenizer: Any, phrases: Sequence[str], limit: int) -> list[tuple[str, dict[str, tuple[int, int]]]]:
     """Join phrases to prompts "red cube. crate." of at most `limit` tokens, and say which tokens are whose.
 
     Args:
@@ -179,12 +204,11 @@ def _load_segmenter(model: str, offline: bool) -> tuple[Any, Any]:
     def load(local: bool) -> tuple[Any, Any]:
         kind = transformers.AutoConfig.from_pretrained(model, local_files_only=local).model_type
         if kind.startswith("sam2"):
-            classes = transformers.Sam2Processor, transformers.Sam2Model
-        elif kind == "sam":
-            classes = transformers.SamProcessor, transformers.SamModel
-        else:
+            return None, transformers.Sam2Model.from_pretrained(model, local_files_only=local)
+        if kind != "sam":
             raise ValueError(f"model type '{kind}'")
-        return tuple(c.from_pretrained(model, local_files_only=local) for c in classes)  # type: ignore[return-value]
+        processor = transformers.SamProcessor.from_pretrained(model, local_files_only=local)
+        return processor, transformers.SamModel.from_pretrained(model, local_files_only=local)
 
     return _ready(model, "SAM or SAM 2", load, offline)
 
@@ -204,7 +228,10 @@ def _ready(model: str, kind: str, load: Callable[[bool], tuple[Any, Any]], offli
         )
     try:
         processor, network = load(offline or is_folder)
-    except (OSError, ValueError, ImportError, KeyError) as error:
+    except ImportError as error:
+        reason = str(error).strip().splitlines()[0]
+        raise ModelUnavailableError(f"'{model}' needs a package that is not installed: {reason}") from error
+    except (OSError, ValueError, KeyError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         if is_folder:
             raise ModelUnavailableError(
