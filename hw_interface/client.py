@@ -11,7 +11,7 @@ import numpy as np
 import zenoh
 
 from control.certificate import Certificate
-from control.errors import RobotGoneError, StoppedError
+from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
@@ -207,7 +207,8 @@ class CellClient:
     ) -> ExecutionReport:
         """Have a trajectory played and wait until the arm rests again.
 
-        Ctrl-C stops the arm on its path, waits until it rests, then raises KeyboardInterrupt as usual.
+        Ctrl-C stops the arm on its path, waits until it rests, then raises KeyboardInterrupt as usual; so does
+        whatever `on_progress` raises.
 
         Args:
             on_progress: Called on this thread a few dozen times a second.
@@ -220,23 +221,21 @@ class CellClient:
             StoppedError: Somebody asked the robot to stop; it rests on its path.
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
+        self._check_alive()
+        request = TrajectoryRequest.of(trajectory, certificate)
         try:
-            return self._execute(trajectory, certificate, on_progress)
-        except KeyboardInterrupt:
-            # A dead robot needs no stop; the interrupt matters more than why it is gone.
+            return self._execute(request, on_progress)
+        except (RefusedError, StoppedError, RobotGoneError):
+            raise
+        except BaseException:
+            # Ctrl-C, or a fault on this side (in `on_progress`, say): nobody watches the arm any more, so it must rest.
+            # A dead robot needs no stop, and what was raised matters more than why it is gone.
             with contextlib.suppress(RobotGoneError):
                 self.stop("interrupted")
                 self._await_rest()
             raise
 
-    def _execute(
-        self,
-        trajectory: Trajectory,
-        certificate: Certificate | None,
-        on_progress: Callable[[Progress], None] | None,
-    ) -> ExecutionReport:
-        self._check_alive()
-        request = TrajectoryRequest.of(trajectory, certificate)
+    def _execute(self, request: TrajectoryRequest, on_progress: Callable[[Progress], None] | None) -> ExecutionReport:
         serial = ask(self._session, TRAJECTORY_KEY, request, Accepted, self._timeout).serial
         self._latest_at = time.monotonic()
         seen = 0
@@ -254,20 +253,7 @@ class CellClient:
                 f"the motion was stopped on request after {result.played} of {result.samples} samples; the arm rests "
                 "on its path; acknowledge before moving again"
             )
-        return ExecutionReport(
-            completed=result.outcome == "completed",
-            reason=result.trouble.code if result.trouble else result.outcome,
-            detail=result.trouble.reason if result.trouble else "",
-            played=result.played,
-            samples=result.samples,
-            max_tracking_error=result.max_tracking_error,
-            times=result.times,
-            q_d=result.q_d,
-            q=result.q,
-            tau=result.tau,
-            gripper_width=result.gripper_width,
-            final_state=self.state(),
-        )
+        return _report(result, self.state())
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         try:
@@ -318,3 +304,20 @@ class CellClient:
                 "and look at the scene anew"
             )
         return state
+
+
+def _report(result: MotionResult, final_state: RobotState) -> ExecutionReport:
+    return ExecutionReport(
+        completed=result.outcome == "completed",
+        reason=result.trouble.code if result.trouble else result.outcome,
+        detail=result.trouble.reason if result.trouble else "",
+        played=result.played,
+        samples=result.samples,
+        max_tracking_error=result.max_tracking_error,
+        times=result.times,
+        q_d=result.q_d,
+        q=result.q,
+        tau=result.tau,
+        gripper_width=result.gripper_width,
+        final_state=final_state,
+    )

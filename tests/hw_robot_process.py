@@ -1,4 +1,4 @@
-"""A robot process for tests: `python -m tests.hw_robot_process perfect|simulated|unscored ENDPOINT SPEED --parent-pid PID`."""
+"""A robot process for tests: `python -m tests.hw_robot_process KIND ENDPOINT SPEED --parent-pid PID`; see `runs`."""
 
 import sys
 import time

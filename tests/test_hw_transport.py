@@ -15,7 +15,7 @@ import pytest
 from control.errors import ConfigError, RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface import transport
-from hw_interface.client import CellClient
+from hw_interface.client import CellClient, Progress
 from hw_interface.messages import Refusal, RobotState, StateRequest
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.wire import decode, encode
@@ -95,7 +95,7 @@ def test_all_cameras_or_the_named_ones_are_shown(client: CellClient):
 
 
 def test_an_unknown_camera_is_named_with_those_that_exist(client: CellClient):
-    with pytest.raises(RefusedError, match="no camera 'top' in this cell; it has .*front.*side"):
+    with pytest.raises(RefusedError, match=r"no camera 'top' in this cell; it has .*front.*side"):
         client.frames(["top"])
 
 
@@ -125,6 +125,19 @@ def test_ctrl_c_brings_the_arm_to_rest_before_it_is_raised(client: CellClient):
     assert state.mode == "stopped" and not any(state.qd)
 
 
+def test_a_fault_of_the_watching_program_brings_the_arm_to_rest(client: CellClient):
+    motion = from_here(client, 3.0, 0.3)
+
+    def faulty(progress: Progress) -> None:
+        if progress.played > 500:
+            raise ZeroDivisionError("in the callback")
+
+    with pytest.raises(ZeroDivisionError):
+        client.execute(motion, certificate(motion), faulty)
+    state = client.state()
+    assert state.mode == "stopped" and state.progress < len(motion.q)
+
+
 @pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "killed"), (signal.SIGSTOP, "frozen")])
 def test_a_robot_process_that_is_killed_or_frozen_is_noticed_within_a_second(number: int, name: str):
     with robot_process("perfect") as process, CellClient.connect(process.endpoint) as client:
@@ -142,7 +155,6 @@ def test_a_robot_process_that_is_killed_or_frozen_is_noticed_within_a_second(num
         with pytest.raises(RobotGoneError):
             client.execute(motion, certificate(motion))
         if name == "frozen":
-            os.kill(process.pid, signal.SIGSTOP)
             time.sleep(0.8)
             os.kill(process.pid, signal.SIGCONT)
             with CellClient.connect(process.endpoint) as later:
