@@ -170,20 +170,28 @@ def _placings(bench: Workbench) -> Iterator[Candidate]:
     for first in range(0, len(places), GROUP):
         fresh = ready_pairs(bench, ready, places[first : first + GROUP])
         pairs += fresh
-        uses: Counter[int] = Counter()
-        for i, place in fresh:
-            if uses[i] < USES:
-                candidate = _join(bench, ready[i], place, reaches, i, planner=False)
-                if candidate is not None:
-                    uses[i] += 1
-                    found += 1
-                    yield candidate
+        for i, place in _taking_turns(fresh):
+            candidate = _join(bench, ready[i], place, reaches, i, planner=False)
+            if candidate is not None:
+                found += 1
+                yield candidate
     if not found:
         reaches = {}
         for i, place in pairs[:PLANNED]:
             candidate = _join(bench, ready[i], place, reaches, i, planner=True)
             if candidate is not None:
                 yield candidate
+
+
+def _taking_turns(pairs: list[tuple[int, ReadyPlace]]) -> list[tuple[int, ReadyPlace]]:
+    """Pairs with every grasp's best place first, then every grasp's second, up to `USES`: unlike candidates come first."""
+    turn: Counter[int] = Counter()
+    ranked = []
+    for i, place in pairs:
+        turn[i] += 1
+        if turn[i] <= USES:
+            ranked.append((turn[i], i, place))
+    return [(i, place) for _, i, place in sorted(ranked, key=lambda r: r[0])]
 
 
 def _join(

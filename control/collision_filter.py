@@ -50,6 +50,9 @@ class _Kind(IntEnum):
     SUPPORT = 5
 
 
+_LACKS = {"arm": _Kind.ARM, "finger": _Kind.FINGER, "held": _Kind.OBJECT}
+
+
 @dataclass(frozen=True)
 class Held:
     """An object that moves with the hand.
@@ -145,10 +148,46 @@ class CollisionFilter:
             return None
         return self._outer_body(int(geoms[i, 0]), int(geoms[i, 1]))
 
+    def lack(self, qpos: np.ndarray, phase: Phase) -> dict[str, tuple[float, str]]:
+        """How much distance is missing in a whole configuration of the model, robot and objects alike.
+
+        Args:
+            qpos: Configuration of the twin's model, shape (nq,).
+            phase: What the hand is doing.
+
+        Returns:
+            For "arm" (arm and hand), "finger" and "held" (the handled object): limit minus distance in [m] of the
+            nearest body outside and its name; -inf and "" where nothing is near.
+        """
+        data = self._data
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        out = dict.fromkeys(_LACKS, (-np.inf, ""))
+        geoms, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
+        if not data.ncon:
+            return out
+        kinds = self._kind[geoms]
+        limits = self._thresholds[phase][kinds[:, 0], kinds[:, 1]]
+        outside = np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT))
+        for name, kind in _LACKS.items():
+            rows = np.flatnonzero((kinds == kind).any(axis=1) & outside.any(axis=1) & (limits > IGNORE))
+            if not len(rows):
+                continue
+            lacks = limits[rows] - distance[rows]
+            for k, row in enumerate(rows):
+                allowed = self._relaxed.get((int(geoms[row, 0]), int(geoms[row, 1])))
+                if allowed is not None and distance[row] >= allowed:
+                    lacks[k] = min(lacks[k], 0.0)
+            k = int(np.argmax(lacks))
+            a, b = geoms[rows[k]]
+            out[name] = (float(lacks[k]), self._outer_body(int(a), int(b)))
+        return out
+
     def path_clear(
         self, path: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None
     ) -> bool:
-        """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection is looked at first."""
+        """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection comes first."""
         order = np.concatenate(
             [np.arange(0, len(path), 4), np.setdiff1d(np.arange(len(path)), np.arange(0, len(path), 4))]
         )

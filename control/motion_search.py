@@ -7,7 +7,7 @@ success, then clean, then cost.
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -31,15 +31,15 @@ from control.twin_model import TwinModel
 from control.workbench import Workbench, path_length
 
 ENOUGH = 2  # clean successes after which no further candidate is simulated
-FIRST = 4  # candidates that are simulated together
+FIRST = 2  # candidates that are simulated together
 STRIDE = 3  # every third state of a rollout (12 ms) is looked at for contacts
 ROUNDS = 2  # of refinement, only where nothing was clean
 VARIED = 8  # variants per round
 ELITE = 4
 # Residuals that only a retimed motion can be held against.
-RETIMED_ONLY = ("hand_speed",)
-# At the end of a rollout the arm has just come home; the verdict waits out the whole settling time.
-SETTLE_SHARE = 0.3
+RETIMED_ONLY = ("tracked_hand_speed",)
+# A rollout rests only briefly at its end; the verdict waits out the whole settling time.
+SETTLE_IN_SEARCH = 0.1  # [s]
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,8 @@ class _Search:
         self.bench, self.spec, self.nthread = bench, spec, nthread
         self.tried: list[Tried] = []
         self.steps = 0
-        self._residuals = tuple(r for r in safety_residuals(bench.safety) if r.name not in RETIMED_ONLY)
+        table = safety_residuals(replace(bench.safety, settle_time=SETTLE_IN_SEARCH))
+        self._residuals = tuple(r for r in table if r.name not in RETIMED_ONLY)
 
     def try_all(self, offered: Iterable[Candidate], most: int) -> None:
         """Simulate candidates a few at a time until enough of them are clean or none is left."""
@@ -271,7 +272,8 @@ def _failure(bench: Workbench, search: _Search, stats: MotionStats) -> FailureCa
 def _lost_at(bench: Workbench, subject: str) -> str:
     """One sentence about the stage at which no candidate was left."""
     counts, task = bench.counts, bench.subtask
-    near = ", ".join(f"'{n}'" for n, _ in bench.filter.rejected_by.most_common(2))
+    blamed = [n for n, _ in bench.filter.rejected_by.most_common() if n in bench.objects and n != subject]
+    near = ", ".join(f"'{n}'" for n in blamed[:2]) or "other things"
     target = f"'{task.target}'" if task.target else "its place"
     if counts["grasps"] and not counts["grasps_reachable"]:
         distance = float(np.linalg.norm(bench.objects[subject].position[:2])) if subject in bench.objects else 0.0
@@ -288,7 +290,10 @@ def _lost_at(bench: Workbench, subject: str) -> str:
     if task.releases and not counts["places_reachable"]:
         return f"{target} is out of reach: the arm reaches none of {counts['places']} places for '{subject}'"
     if task.releases and not counts["places_free"]:
-        return f"'{subject}' cannot be put there: all {counts['places_reachable']} reachable places come too close to {near}"
+        return (
+            f"'{subject}' cannot be put there: all {counts['places_reachable']} combinations of hand and place that "
+            f"the arm reaches come too close to {near}"
+        )
     if counts["transits_blocked"]:
         return f"no free way for '{subject}': {counts['pairs']} combinations of grasp and place were tried, near {near}"
     return f"no motion was found for '{subject}'"

@@ -14,6 +14,7 @@ from control.workbench import Workbench, straight_targets
 STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
 ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
 NARROW_OPENING = 0.010  # [m] beyond the object: the least release
+AT_ONCE = 60  # combinations that are checked together; more only where none of them is free
 
 
 @dataclass(frozen=True)
@@ -64,14 +65,32 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
         return []
     owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
     bench.counts["places_reachable"] += len(owners)
-    if not len(owners):
-        return []
+    out: list[tuple[int, ReadyPlace]] = []
     effort = [
         float(np.abs(q - ready[index[k][0]].lift[-1]).max() + 0.3 * np.abs(q - REST_Q).max())
         for k, q in zip(owners, solutions, strict=True)
     ]
-    order = np.argsort(effort, kind="stable")[:60]
-    owners, solutions = owners[order], solutions[order]
+    order = np.argsort(effort, kind="stable")
+    for first in range(0, len(order), AT_ONCE):
+        out = _free_pairs(bench, ready, places, index, targets, owners, solutions, order[first : first + AT_ONCE])
+        if out:
+            break
+    bench.counts["places_free"] += len(out)
+    return out
+
+
+def _free_pairs(
+    bench: Workbench,
+    ready: list[ReadyGrasp],
+    places: list[Placement],
+    index: list[tuple[int, int]],
+    targets: list[np.ndarray],
+    owners: np.ndarray,
+    solutions: np.ndarray,
+    chosen: np.ndarray,
+) -> list[tuple[int, ReadyPlace]]:
+    """Those of the chosen combinations that are free while lowering, opening and leaving."""
+    owners, solutions = owners[chosen], solutions[chosen]
     rises = [straight_targets(targets[k], np.array([0.0, 0.0, _rise(bench, places[index[k][1]])])) for k in owners]
     leaves = [straight_targets(targets[k], -BACK_OFF * targets[k][:3, 2]) for k in owners]
     up, ok_up = bench.follow(solutions, rises)
@@ -82,7 +101,6 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
         place = _free_place(bench, ready[i], places[j], solutions[n], up[n], back[n] if ok_back[n] else None)
         if place is not None:
             out.append((i, place))
-    bench.counts["places_free"] += len(out)
     return out
 
 

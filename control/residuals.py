@@ -4,18 +4,19 @@ A residual reads a recorded motion of the twin and returns its worst value, when
 part; a motion keeps it when the worst value does not exceed the limit. The excess over the limit, divided by the
 residual's scale, is what the search pays. A reasoner can neither name, weigh nor remove a residual.
 
-    hand_speed        |v_tcp|                                       in the twin, averaged over 20 ms
-    contact_force     force on arm or hand, fingers apart
-    unwanted_contact  force of contacts outside {fingers, subject, supports}
-    self_contact      force between two parts of the robot
-    workspace         distance of the tool centre point outside the box, or inside a keep-out zone
-    moved             displacement of objects that the subtask does not name
-    tipped            tilt of those objects
-    arm_clearance     lack of distance between arm or hand and the world
-    held_clearance    lack of distance between a carried object and the world in transit
-    held_kept         slip of a held object in the hand
-    released          force between fingers and an object that should have been let go, at the end
-    settled           speed of any object over the last `settle_time`
+    tracked_hand_speed  |v_tcp| as the twin's arm moves, over 20 ms (the commanded speed is judged sample by sample)
+    contact_force       force on arm or hand, fingers apart
+    unwanted_contact    force of contacts outside {fingers, subject, supports}
+    self_contact        force between two parts of the robot
+    workspace           distance of the tool centre point outside the box, or inside a keep-out zone
+    moved               displacement of objects that the subtask does not name
+    tipped              tilt of those objects
+    arm_clearance       lack of distance between arm or hand and the world
+    finger_clearance    the same for the fingers
+    held_clearance      the same for a carried object in transit
+    held_kept           slip of a held object in the hand
+    released            force between fingers and an object that should have been let go, at the end
+    settled             speed of any object over the last `settle_time`
 """
 
 from collections.abc import Callable
@@ -28,8 +29,8 @@ from control.safety import SafetyLimits
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY
 
 SPEED_WINDOW = 0.02  # [s]
-# The twin's servo may run a little ahead of or behind the commanded speed; the commanded one is judged exactly.
-SPEED_SLACK = 1.05
+# The twin's servo overshoots a commanded speed by up to 15 %; the commanded speed itself is judged exactly.
+SPEED_SLACK = 1.2
 TOUCH = 1.0  # [N]: below, a contact is two surfaces grazing
 HELD_SLIP = 0.02  # [m] that a held object may shift in the hand: fingers that close centre it first
 _ARM = frozenset({*ARM_BODIES, HAND_BODY})
@@ -58,17 +59,14 @@ class Clearances:
 
     Attributes:
         step: Index of the sample, int, shape (k,).
-        arm: Lack of distance between arm or hand and the world in [m], negative where there is room, shape (k,).
-        arm_bodies: What was nearest, k names.
-        held: The same of a carried object in transit, shape (k,); -inf where nothing is carried.
-        held_bodies: What was nearest to it, k names.
+        lack: For "arm" (arm and hand), "finger" and "held" (a carried object in transit): the clearance that is asked
+            for minus the distance in [m], shape (k,); negative where there is room, -inf where nothing is near.
+        bodies: What was nearest to each of them, k names.
     """
 
     step: np.ndarray
-    arm: np.ndarray
-    arm_bodies: tuple[str, ...]
-    held: np.ndarray
-    held_bodies: tuple[str, ...]
+    lack: dict[str, np.ndarray]
+    bodies: dict[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -151,15 +149,16 @@ class SafetyResidual:
 def safety_residuals(safety: SafetyLimits) -> tuple[SafetyResidual, ...]:
     """The table with the numbers of one cell."""
     return (
-        SafetyResidual("hand_speed", "m/s", safety.hand_speed * SPEED_SLACK, 0.5, hand_speed),
+        SafetyResidual("tracked_hand_speed", "m/s", safety.hand_speed * SPEED_SLACK, 0.5, hand_speed),
         SafetyResidual("contact_force", "N", safety.contact_force, 15.0, contact_force),
         SafetyResidual("unwanted_contact", "N", TOUCH, 15.0, unwanted_contact),
         SafetyResidual("self_contact", "N", 0.0, 15.0, self_contact),
         SafetyResidual("workspace", "m", 0.0, 0.05, lambda motion: outside_workspace(motion, safety)),
         SafetyResidual("moved", "m", safety.moved, 0.02, moved),
         SafetyResidual("tipped", "rad", safety.tipped, 0.26, tipped),
-        SafetyResidual("arm_clearance", "m", 0.0, 0.01, arm_clearance),
-        SafetyResidual("held_clearance", "m", 0.0, 0.01, held_clearance),
+        SafetyResidual("arm_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "arm")),
+        SafetyResidual("finger_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "finger")),
+        SafetyResidual("held_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "held")),
         SafetyResidual("held_kept", "m", HELD_SLIP, 0.02, held_slip),
         SafetyResidual("released", "N", 0.0, 10.0, still_gripped),
         SafetyResidual(
@@ -233,23 +232,19 @@ def tipped(motion: TwinMotion) -> Worst:
     return _worst_unnamed(motion, tilt)
 
 
-def arm_clearance(motion: TwinMotion) -> Worst:
-    """Largest lack of distance in [m] between arm or hand and the world; 0 where everything keeps its distance."""
+def lacking(motion: TwinMotion, part: str) -> Worst:
+    """Largest lack of distance in [m] of "arm", "finger" or "held"; 0 where everything keeps its distance."""
     c = motion.clearances
     if c is None or not len(c.step):
         return Worst()
-    i = int(np.argmax(c.arm))
-    return Worst(max(0.0, float(c.arm[i])), float(motion.time[c.step[i]]), (HAND_BODY, c.arm_bodies[i]))
-
-
-def held_clearance(motion: TwinMotion) -> Worst:
-    """The same for a carried object, in the stretches in which it may touch nothing."""
-    c = motion.clearances
-    if c is None or not len(c.step) or not np.isfinite(c.held).any():
+    i = int(np.argmax(c.lack[part]))
+    value = float(c.lack[part][i])
+    if value <= 0.0:
         return Worst()
-    i = int(np.argmax(c.held))
-    held = next((s.name for s in motion.held if s.start <= c.step[i] < s.stop), motion.subject or "")
-    return Worst(max(0.0, float(c.held[i])), float(motion.time[c.step[i]]), (held, c.held_bodies[i]))
+    own = HAND_BODY
+    if part == "held":
+        own = next((s.name for s in motion.held if s.start <= c.step[i] < s.stop), motion.subject or "")
+    return Worst(value, float(motion.time[c.step[i]]), (own, c.bodies[part][i]))
 
 
 def held_slip(motion: TwinMotion) -> Worst:

@@ -35,6 +35,7 @@ GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come 
 END_SETTLE = 0.2  # [s] at the end of a rollout
 SEARCH_SPEED = 0.6  # share of the joint speed limits in search; retiming is slower, so grasps that hold here hold there
 LEAST_TIME = 0.35  # [s] of any segment
+CHUNK = 4  # motions that are simulated together; independent of the number of threads, as step counts depend on it
 FORCE_FLOOR = 0.05  # [N]: weaker contacts are not recorded
 
 
@@ -198,7 +199,7 @@ def roll_out(
     steps = 0
     # Motions of like length together, so that little is simulated beyond a motion's end.
     order = sorted(range(len(twins)), key=lambda i: len(motions[i].arm))
-    for chunk in _chunks(order, max(2, 2 * nthread)):
+    for chunk in _chunks(order, CHUNK):
         longest = max(len(motions[i].arm) for i in chunk)
         batch = mjbatch.Batch(own[chunk[0]], len(chunk), nthread)
         if any(own[i] is not own[chunk[0]] for i in chunk):
@@ -248,6 +249,9 @@ def record_motion(
     poses = {name: np.tile(np.eye(4), (len(rows), 1, 1)) for name in bodies}
     steps, pairs, forces = [], [], []
     names = contact_names(model, frozenset(bodies))
+    # Contacts between things at rest on each other are nobody's business and most of the work.
+    acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES} | ({task.subject} if task.subject else set())
+    acts = np.array([n in acting for n in names])
     force = np.zeros(6)
     for k, row in enumerate(rows):
         data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
@@ -255,12 +259,12 @@ def record_motion(
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
         for name, body in bodies.items():
             poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-        geoms = data.contact.geom
-        for i in range(data.ncon):
+        geoms = data.contact.geom[: data.ncon]
+        for i in np.flatnonzero(acts[geoms].any(axis=1)):
             a, b = names[geoms[i, 0]], names[geoms[i, 1]]
             if a == b:
                 continue
-            mujoco.mj_contactForce(model, data, i, force)
+            mujoco.mj_contactForce(model, data, int(i), force)
             size = float(np.linalg.norm(force[:3]))
             if size > FORCE_FLOOR:
                 steps.append(k)

@@ -11,7 +11,7 @@ import numpy as np
 
 from control.limits import RobotLimits
 
-WAYPOINT_STEP = 0.08  # [rad], largest joint motion between neighbouring waypoints
+WAYPOINT_STEP = 0.05  # [rad], largest joint motion between neighbouring waypoints
 TREE_STEP = 0.35  # [rad], largest joint motion of one growth of a tree
 SHORTCUTS = 40
 

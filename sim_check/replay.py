@@ -1,0 +1,114 @@
+"""Playing a retimed trajectory in twins: exactly its samples, at the judge's step, with the gripper's own pace."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from control.collision_filter import CollisionFilter, Phase
+from control.residuals import Clearances, HeldSpan
+from control.rewards import RewardSpec
+from control.rollouts import Commands, Rollout, gripper_ramp, merge_spans, roll_out, squeeze
+from control.safety import SafetyLimits
+from control.trajectory import SAMPLE_TIME, Trajectory
+from control.twin_model import TABLE_BODY, TwinModel
+
+JUDGE_STEP = 0.002  # [s]; half of the search's, where grasps slip less
+SETTLE_SLACK = 0.1  # [s] beyond the settling time, for the object to come to rest in
+
+
+def replay_commands(trajectory: Trajectory, twin: TwinModel, settle_time: float, step: float = JUDGE_STEP) -> Commands:
+    """What servos are told when a trajectory is played.
+
+    Args:
+        trajectory: 1 kHz samples and gripper events.
+        twin: For the gripper at the start and its stiffness.
+        settle_time: Time in [s] that the arm rests after the last sample.
+        step: Time between rows in [s], a multiple of a millisecond.
+    """
+    per_row = round(step / SAMPLE_TIME)
+    count = int(np.ceil((len(trajectory.q) - 1) / per_row))
+    rows = np.minimum(np.arange(1, count + 1) * per_row, len(trajectory.q) - 1)
+    rest = round((settle_time + SETTLE_SLACK) / step)
+    rows = np.concatenate([rows, np.full(rest, len(trajectory.q) - 1)])
+    speed = trajectory.qd[rows].copy()
+    speed[count:] = 0.0
+    finger = np.full(len(rows), squeeze(twin, None) if twin.held else twin.gripper_width / 2)
+    at = twin.gripper_width / 2
+    for event in trajectory.gripper:
+        first = round(event.time / step)
+        ramp = gripper_ramp(twin, at, event.command, step)
+        finger[first:] = ramp[-1]
+        stop = min(len(finger), first + len(ramp))
+        finger[first:stop] = ramp[: stop - first]
+        at = event.command.width / 2
+    held, free = [], []
+    for segment in trajectory.segments:
+        if segment.held is None:
+            continue
+        start, stop = segment.start // per_row, segment.stop // per_row
+        held.append(HeldSpan(segment.held, start, stop))
+        if not segment.touching:
+            free.append((start, stop))
+    if trajectory.segments and trajectory.segments[-1].held is not None:
+        held.append(HeldSpan(trajectory.segments[-1].held, held[-1].stop, len(rows)))
+    return Commands(trajectory.q[rows], speed, finger, merge_spans(held), tuple(free))
+
+
+def replay(
+    trajectory: Trajectory,
+    twins: Sequence[TwinModel],
+    settle_time: float,
+    nthread: int = 2,
+    step: float = JUDGE_STEP,
+) -> tuple[list[Rollout], int]:
+    """Play one trajectory in several twins of the same layout.
+
+    Args:
+        trajectory: What would be played.
+        twins: Where; each starts in its own start state.
+        settle_time: Time in [s] that the arm rests after the last sample.
+        nthread: Threads; the result does not depend on it.
+        step: Simulated step in [s].
+
+    Returns:
+        One rollout per twin, and the number of simulated steps.
+    """
+    return roll_out(twins, [replay_commands(trajectory, t, settle_time, step) for t in twins], nthread, step)
+
+
+def measure_clearances(
+    rollout: Rollout,
+    times: np.ndarray,
+    twin: TwinModel,
+    spec: RewardSpec,
+    safety: SafetyLimits,
+    subject: str | None,
+    supports: frozenset[str],
+    stride: int = 2,
+) -> Clearances:
+    """Least distances along a rollout, held against the safety table without any planning margin.
+
+    Args:
+        rollout: One simulated motion.
+        times: Times of the recorded motion's samples in [s], shape (n,): the samples that are referred to.
+        twin: Where it went.
+        spec: For the targets, which may carry the handled object.
+        safety: The clearances.
+        subject: The handled object, or None.
+        supports: What carries it at the start.
+        stride: Look at every `stride`-th of the samples.
+    """
+    handled = subject or twin.held
+    allowed = supports | {TABLE_BODY} | (spec.names - {handled})
+    look = CollisionFilter(twin, safety, handled, allowed, margin=0.0)
+    dt = float(rollout.time[1] - rollout.time[0])
+    steps = np.arange(0, len(times), stride)
+    lack = {name: np.full(len(steps), -np.inf) for name in ("arm", "finger", "held")}
+    bodies = {name: [""] * len(steps) for name in lack}
+    for k, step in enumerate(steps):
+        row = min(round(times[step] / dt), len(rollout.qpos) - 1)
+        transit = any(start <= row < stop for start, stop in rollout.commands.free)
+        for name, (value, body) in look.lack(rollout.qpos[row], Phase.CARRY if transit else Phase.GRASP).items():
+            if name != "held" or transit:
+                lack[name][k], bodies[name][k] = value, body
+    return Clearances(steps, lack, {name: tuple(names) for name, names in bodies.items()})
