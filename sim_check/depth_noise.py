@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from sim_check.cells import DepthNoiseConfig
+    from sim_check.cell_config import DepthNoiseConfig
 
 _EDGE_WINDOW = 5  # [px], side of the window that decides what is an edge
 _BLOB_SIGMA = 9.0  # [px]

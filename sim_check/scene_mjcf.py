@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from control.twin_model import ARM_BODIES, HAND_BODY, TABLE_BODY
-from sim_check.cells import CameraConfig, RobotConfig
+from sim_check.cell_config import CameraConfig, RobotConfig
 from sim_check.object_library import ObjectModel, Solid
 from sim_check.panda_mjcf import COLLISION_GROUP, PICTURE_GROUP
 from sim_check.pictures import object_pictures
@@ -99,7 +99,7 @@ def add_camera(spec: mujoco.MjSpec, camera: CameraConfig) -> None:
     body = spec.worldbody if camera.mounting == "static" else spec.body(HAND_BODY)
     mount_T_camera = camera.mount_T_camera
     lens = camera.intrinsics
-    # MuJoCo's cameras look along -z with y up, and count the principal point from the picture's centre.
+    # MuJoCo's cameras look along -z with y up; their principal point is the way from it to the picture's centre.
     body.add_camera(
         name=camera.name,
         pos=mount_T_camera[:3, 3],
@@ -107,7 +107,7 @@ def add_camera(spec: mujoco.MjSpec, camera: CameraConfig) -> None:
         resolution=[lens.width, lens.height],
         sensor_size=[lens.width * 1e-5, lens.height * 1e-5],
         focal_pixel=[lens.fx, lens.fy],
-        principal_pixel=[lens.cx - (lens.width - 1) / 2, lens.cy - (lens.height - 1) / 2],
+        principal_pixel=[(lens.width - 1) / 2 - lens.cx, (lens.height - 1) / 2 - lens.cy],
     )
 
 

@@ -22,7 +22,7 @@ from control.twin_model import (
     TwinObject,
 )
 from perception.estimates import ObjectEstimate, SceneEstimate
-from sim_check.cells import CellConfig
+from sim_check.cell_config import CellConfig
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
 from sim_check.scene_mjcf import (
@@ -42,7 +42,7 @@ TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
 MAX_WIDTH = 0.08  # of the gripper in [m]
 # Furthest that moving apart and settling may carry a thing from where it was perceived and set down, in [m]; where
 # there is a container, its radius is added, for a fruit may roll to its middle.
-MAX_DRIFT = 0.03
+MAX_DRIFT = 0.02
 # Furthest that an object in the hand is moved to lie in the middle between the pads, in [m].
 MAX_RECENTRE = 0.02
 # Least spreads of a perturbed twin: perception's own figures leave out calibration.

@@ -12,7 +12,7 @@ from control.errors import ConfigError
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR
 from perception.frames import CameraIntrinsics
-from sim_check.cells import CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
+from sim_check.cell_config import CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
 from sim_check.depth_noise import stereo_depth
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
@@ -97,7 +97,8 @@ class World:
             raise ConfigError(f"there is no camera '{camera_name}'; there are {[c.name for c in self.cameras]}")
         state = self.data if data is None else data
         lens = view.intrinsics
-        colour, depth = self._offscreen().picture(state, camera_name, lens.width, lens.height)
+        colour = self._offscreen().colour(state, camera_name, lens.width, lens.height)
+        depth = self._offscreen().depth(state, camera_name, lens.width, lens.height)
         if self.depth_noise is not None:
             depth = stereo_depth(depth, lens.fx, self.depth_noise, self._noise_rng)
         camera = self.model.camera(camera_name).id
@@ -114,7 +115,7 @@ class World:
         Raises:
             ConfigError: No way to render on this machine.
         """
-        return self._offscreen().picture(self.data, view or FreeView(), width, height)[0]
+        return self._offscreen().colour(self.data, view or FreeView(), width, height)
 
     def _offscreen(self) -> Offscreen:
         if self._renderer is None:
