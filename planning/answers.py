@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from planning.description import DescriptionLine, find_fault, parse_line
-from planning.names import candidates, mentioned
+from planning.names import mentioned
 
 MAX_ANSWER = 20_000  # characters; longer answers are a runaway model
 MAX_STEPS = 12  # of one plan; the longest task of the benchmark took 17 actions over all its plans
+MAX_STEP_LENGTH = 200  # characters
 QuestionType = Literal["OBJECT_PRESENCE", "OBJECT_ATTRIBUTE", "NEITHER"]
 ABOUT_ROBOT = re.compile(r"\b(robot\w*|arm|gripper|hand|palm|finger\w*|hold(?:s|ing)|motors?)\b", re.IGNORECASE)
 _COMPARISON = re.compile(r"\b(which|same|than|compare\w*|similar|different|most|closest|nearest)\b", re.IGNORECASE)
@@ -56,6 +57,8 @@ def parse_plan(text: str) -> Plan:
         step = line.lstrip("> ").strip()
         if not step:
             raise MalformedAnswerError("a line of the plan is empty")
+        if len(step) > MAX_STEP_LENGTH:
+            raise MalformedAnswerError(f"the step '{step[:60]}...' is too long; name one action in few words")
         steps.append(step)
     if len(steps) > MAX_STEPS:
         raise MalformedAnswerError(f"the plan has {len(steps)} steps; at most {MAX_STEPS} are allowed")
@@ -168,11 +171,6 @@ def usable_vote(sentence: str, objects: Collection[str]) -> str | None:
     if not mentioned(sentence, objects):
         return "it names no object of the scene"
     return None
-
-
-def names_unknown(words: str, objects: Collection[str]) -> bool:
-    """Whether words that look like a name mean nothing in the scene."""
-    return not candidates(words, objects)
 
 
 def _checked(text: str) -> str:

@@ -1,5 +1,6 @@
 """Rules by which the builtin reasoner plans, describes motions, writes reward programs and sums up failures."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,16 +12,19 @@ from planning.answers import ABOUT_ROBOT
 from planning.description import DescriptionLine, parse_line
 from planning.goal_language import Clause, parse_goal, parse_step
 from planning.memory import MOTION_FAILED, FailedAttempt
-from planning.names import AmbiguousName, MissingName, as_name, mentioned, resolve
+from planning.names import AmbiguousName, MissingName, as_name, mentioned, resolve, with_names
 
 AWAY_DISTANCE = 0.2  # [m] between centres; leaves a hand's width (0.2 m) for the next grasp and stays in reach
+AWAY_SLACK = 0.02  # [m] by which a body may seem nearer than it was put
 LIFT_HEIGHT = 0.25  # [m], of a lifted object's centre: clear of table-top things, far from the arm's own limits
 
 # "X is on Y", "X is in the way", "X blocks ...": X is to blame, and Y says what it must go away from.
 _BLAME = re.compile(
-    r"(?P<x>\w+) (?:(?:is|lies|stands|sits) (?:(?:on|in|inside|in front of|next to|on top of) (?P<y>(?!the way\b)\w+)"
+    r"(?P<x>\w+) (?:(?:is|lies|stands|sits) (?:already )?"
+    r"(?:(?:on top of|on|in front of|inside|in|next to) (?!the way\b)(?:the |an? )?(?P<y>\w+)"
     r"|in the way|too close|blocking)|blocks|occupies|covers|obstructs)"
 )
+_CENTRE = re.compile(r"(?P<name>\w+): .*centre at x (?P<x>-?[\d.]+), y (?P<y>-?[\d.]+)")
 
 
 def make_plan(fields: Mapping[str, Any]) -> str:
@@ -50,7 +54,7 @@ def make_plan(fields: Mapping[str, Any]) -> str:
     wanted = {c.as_text() for c in clauses}
     steps: list[str] = []
     for clause in remaining or clauses:
-        prepared = _with_removals(clause, objects, attempts, Counter(finished), ())
+        prepared = _with_removals(clause, objects, attempts, fields.get("facts", ()), Counter(finished), ())
         steps += [s for s in prepared if s in wanted or s not in steps]
     first_removal = next((s for s in steps if s not in wanted), None)
     if not attempts:
@@ -66,6 +70,7 @@ def _with_removals(
     clause: Clause,
     objects: Sequence[str],
     attempts: Sequence[FailedAttempt],
+    facts: Sequence[str],
     finished: Counter[str],
     above: tuple[str, ...],
 ) -> list[str]:
@@ -76,27 +81,38 @@ def _with_removals(
     """
     step = clause.as_text()
     steps: list[str] = []
-    blames = Counter(b for a in attempts if a.action == step for b in set(_blames(a, clause, objects)))
+    blames = Counter(b for a in attempts if a.action == step for b in set(_blames(a, clause, objects, facts)))
     for (body, place), count in blames.items():
         removal = Clause("away", body, place)
         if finished[removal.as_text()] < count and removal.as_text() not in above:
-            steps += _with_removals(removal, objects, attempts, finished, (*above, step))
+            steps += _with_removals(removal, objects, attempts, facts, finished, (*above, step))
     return [*steps, step]
 
 
-def _blames(attempt: FailedAttempt, clause: Clause, objects: Sequence[str]) -> list[tuple[str, str]]:
-    """Pairs of a body to blame and the thing that it must go away from."""
+def _blames(
+    attempt: FailedAttempt, clause: Clause, objects: Sequence[str], facts: Sequence[str]
+) -> list[tuple[str, str]]:
+    """Pairs of a body to blame and the thing of the step that it must go away from.
+
+    That thing is the one that the body is said to be on, in or beside; else the one that it is seen nearest to. A
+    body that is seen to be away from it already is not the reason.
+    """
     if attempt.reason.startswith(MOTION_FAILED):
         return []  # the plan was sound
-    places: dict[str, str] = {}
-    for match in _BLAME.finditer(attempt.reason):
+    places: dict[str, str | None] = {}
+    for match in _BLAME.finditer(with_names(attempt.reason, objects)):
         body, place = match["x"], match["y"]
-        if body not in objects or body in clause.phrases:
-            continue
-        # Where it was seen, if that is a thing of the step; else the place that the step needs.
-        default = clause.target or clause.subject
-        places[body] = place if place in clause.phrases else places.get(body, default)
-    return list(places.items())
+        if body in objects and body not in clause.phrases:
+            places[body] = place if place in clause.phrases else places.get(body)
+    centres = {m["name"]: (float(m["x"]), float(m["y"])) for m in map(_CENTRE.match, facts) if m}
+    found = []
+    for body, said in places.items():
+        at = centres.get(body)
+        gaps = {n: math.dist(at, centres[n]) for n in clause.phrases if at and n in centres}
+        place = said or min(gaps, key=lambda n: gaps[n], default=clause.target or clause.subject)
+        if gaps.get(place, 0.0) < AWAY_DISTANCE - AWAY_SLACK:
+            found.append((body, place))
+    return found
 
 
 def _with_names(clause: Clause, objects: Sequence[str]) -> Clause:

@@ -69,9 +69,6 @@ def diagnose(
         asker, verifier: Of the run.
         log: Gets `vote` six times and `diagnosis` once.
         images: Fresh pictures.
-
-    Raises:
-        ReasonerError: A question was not answered usably.
     """
     votes = tuple(_vote(k, action, objects, facts, measured, asker, verifier, images) for k in range(1, PHRASINGS + 1))
     for vote in votes:
@@ -96,8 +93,12 @@ def _vote(
     images: Sequence[Any],
 ) -> Vote:
     fields = {"action": action, "objects": objects, "facts": facts, "measured": measured, "phrasing": phrasing}
-    answer = asker.ask("diagnose_failure", fields, parse_sentence, images)
-    sentence = verifier.repair_names(answer, objects)
+    answer = ""
+    try:
+        answer = asker.ask("diagnose_failure", fields, parse_sentence, images)
+        sentence = verifier.repair_names(answer, objects)
+    except ReasonerError as error:  # one lost vote of six does not end a run
+        return Vote(phrasing, answer, answer, str(error), ())
     unusable = usable_vote(sentence, objects)
     return Vote(phrasing, answer, sentence, unusable, () if unusable else blamed(sentence, action, objects))
 
@@ -132,7 +133,7 @@ def _summary(action: str, usable: Sequence[Vote], tally: dict[str, int], asker: 
     try:
         return asker.ask("summarize_failure", fields, parse), False
     except ReasonerError:
+        # The votes stand, whatever their summary says.
         if not leaders:
-            raise
-        # The votes stand whatever their summary says.
+            return (), True
         return (next(v.sentence for v in usable if leaders[0] in v.blames),), True

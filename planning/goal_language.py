@@ -27,7 +27,7 @@ UNDERSTOOD = (
 )
 
 _ONTO = r"(?P<how>on top of|onto|on|inside of|inside|into|in|over|at|to)"
-_FROM = r"(?P<how>away from|off of|off|out of|from)"
+_FROM = r"(?P<how>away from|(?:from|off)(?: on)?(?: the)? top of|off of|off|out of|from)"
 _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
     (kind, re.compile(pattern))  # type: ignore[misc]
     for kind, pattern in (
@@ -48,7 +48,8 @@ _VERBS = word_set(
 _NOT_IN_NAMES = (
     word_set(
         "on in into onto to from of off at over under inside beside near next behind by with without that which who "
-        "whose same than as if until while and or but not then before after is are all both every each away up down"
+        "whose same than as if until while and or but not then before after is are all both every each away up down "
+        "close back"
     )
     | _VERBS
 )
@@ -149,7 +150,7 @@ def mentioned_phrases(goal: str) -> tuple[str, ...]:
 
 
 def _split(whole: str) -> list[str]:
-    text = re.sub(r"^(?:please|can you|could you|would you)[ ,]+", "", whole.lower().strip())
+    text = re.sub(r"^(?:(?:please|can you|could you|would you)[ ,]+)+", "", whole.lower().strip())
     text = re.sub(r"[ ,]+please\b", "", text).rstrip(".!? ")
     verbs = "|".join(sorted(_VERBS))
     parts = re.split(rf"\s*[,;.]?\s*\b(?:and then|then)\b[\s,]*|\s*;\s*|\.\s+|,?\s+and\s+(?=(?:{verbs})\b)", text)

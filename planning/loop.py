@@ -15,7 +15,7 @@ from planning.diagnosis import diagnose
 from planning.goal_language import mentioned_phrases
 from planning.interfaces import AttemptResult, Eyes, Hands, Judge, Judgement
 from planning.memory import FailedAttempt, FailedPlan, cause_sentences
-from planning.names import as_name, candidates
+from planning.names import as_name, candidates, mentioned
 from planning.perceiver import Perceiver, describe
 from planning.reasoner import Asker, Log, Reasoner
 from planning.subtask import Scope, spec_for
@@ -151,7 +151,8 @@ class _Run:
     joints: tuple[str, ...]
     pictures: Callable[[], Sequence[Any]]
     settings: LoopSettings
-    names: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()  # the cell's names
+    names: tuple[str, ...] = ()  # what is looked for: the cell's and the goal's names
     wanted: tuple[str, ...] = ()  # names of the things that the goal speaks of
     unlookable: dict[str, str] = field(default_factory=dict)
     plans: list[Plan] = field(default_factory=list)
@@ -176,6 +177,7 @@ class _Run:
             wanted += means or [as_name(phrase)]
             if not means and as_name(phrase):
                 extra.append(as_name(phrase))
+        self.known = tuple(known)
         self.names = tuple(dict.fromkeys([*known, *extra]))
         self.wanted = tuple(dict.fromkeys(wanted))
         self.log("goal", goal=self.goal, names=self.names, wanted=self.wanted)
@@ -185,17 +187,23 @@ class _Run:
         names = [n for n in self.names if n not in self.unlookable]
         try:
             scene = self.eyes.look(names)
-        except UnknownPhraseError:
-            # The error does not say which name; each is tried alone, once in a run.
-            for name in names:
-                try:
-                    self.eyes.look([name])
-                except UnknownPhraseError as error:
-                    self.unlookable[name] = str(error)
-                    self.log("unlookable", name=name, reason=str(error))
-            scene = self.eyes.look([n for n in names if n not in self.unlookable])
+        except UnknownPhraseError as error:
+            # The error does not say which name it is. What only the goal speaks of is suspected first.
+            self._find_unlookable([n for n in names if n not in self.known] or names, error)
+            return self.look()
         missing = tuple(Unseen(n, r) for n, r in self.unlookable.items())
         return replace(scene, unseen=(*scene.unseen, *missing)) if missing else scene
+
+    def _find_unlookable(self, suspects: Sequence[str], error: UnknownPhraseError) -> None:
+        found = {}
+        for name in suspects if len(suspects) > 1 else ():
+            try:
+                self.eyes.look([name])
+            except UnknownPhraseError as alone:
+                found[name] = str(alone)
+        for name, reason in (found or dict.fromkeys(suspects, str(error))).items():
+            self.unlookable[name] = reason
+            self.log("unlookable", name=name, reason=reason)
 
     # -- task level --------------------------------------------------------------------------------------------------
 
@@ -313,7 +321,7 @@ class _Run:
         self.log("looked", action=action, done=done, remaining=remaining)
         cause = None
         if not done and remaining is None:
-            subject = (self._missing(scene) or list(self.wanted) or [action])[0]
+            subject = (mentioned(action, self.names) or self._missing(scene) or [action])[0]
             cause = FailureCause("not_seen", subject, " ".join(seen) or "no question about it could be answered")
         self.steps.append(StepRecord(action, "eyes", done, cause))
         return cause, scene, remaining
@@ -323,7 +331,7 @@ class _Run:
         try:
             spec = spec_for(action, scope, self.asker, self.verifier, self.log)
         except ReasonerError as error:
-            self.log("failure", action=action, reason=str(error))
+            self.log("undescribed", action=action, reason=str(error))
             return FailureCause("reasoner_error", action, str(error)), scene
         cause, after = self._attempt(spec, scene)
         latest = after or self.look()  # fresh eyes after every motion, whatever came of it
@@ -344,6 +352,8 @@ class _Run:
             result = self.hands.attempt(spec, scene)
         except RefusedError as error:
             return FailureCause("refused_by_robot", subject, str(error), check=error.code), None
+        except UnknownObjectError as error:
+            return FailureCause("not_seen", subject, str(error)), None
         except RewardSpecError as error:
             # Well-formed, yet nothing that these hands can do: the planner may ask for it in another way.
             return FailureCause("reasoner_error", subject, str(error)), None

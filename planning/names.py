@@ -117,6 +117,14 @@ def mentioned(text: str, names: Iterable[str]) -> list[str]:
     return [name for _, name in sorted(found)]
 
 
+def with_names(text: str, names: Iterable[str]) -> str:
+    """The text with every spelling of a name ("Red cube") written as the name itself ("red_cube")."""
+    for name in sorted(set(names), key=lambda n: (-len(n), n)):
+        spelled = r"[ _]".join(map(re.escape, name.split("_")))
+        text = re.sub(rf"(?<![A-Za-z0-9_]){spelled}(?![A-Za-z0-9_])", name, text, flags=re.IGNORECASE)
+    return text
+
+
 def closest(phrase: str, names: Sequence[str]) -> str | None:
     """The name that resembles a phrase most: by shared words, nouns first, then by spelling; or None."""
 

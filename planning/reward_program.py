@@ -205,7 +205,9 @@ def _execute_duration(node: ast.Call) -> float:
         raise MalformedAnswerError(f"{EXECUTE} takes one argument: duration in seconds")
     value = values[0] if values else 2.0
     if isinstance(value, (bool, str)) or not isinstance(value, (int, float)) or not 0 < value <= 60:
-        raise MalformedAnswerError(f"duration of {EXECUTE} must be more than 0 and at most 60 seconds, not {value}")
+        raise MalformedAnswerError(
+            f"duration of {EXECUTE} must be more than 0 and at most 60 seconds, not {str(value)[:20]}"
+        )
     return float(value)
 
 
@@ -242,8 +244,8 @@ def _read_term(
         value = given.get(signature.number, signature.default)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return f"{signature.number} must be a number"
-        if not signature.low <= value <= signature.high:  # false for NaN too
-            return f"{signature.number} must be between {signature.low:g} and {signature.high:g}, not {value:g}"
+        if not signature.low <= value <= signature.high:
+            return f"{signature.number} must be between {signature.low:g} and {signature.high:g}, not {str(value)[:20]}"
         number = float(value)
     try:
         return RewardTerm(signature.kind, words[0], words[1] if len(words) > 1 else None, number, primary)
