@@ -113,7 +113,7 @@ def fit_solid(
         settings: Of the estimate.
         covering: Pixels of things that stand higher and may hide it, bool, shape (height, width), or None.
     """
-    bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std)
+    bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std, _around(frame, cloud))
     if shape == "sphere":
         first = fit_sphere(cloud.points)
         # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
@@ -126,3 +126,12 @@ def fit_solid(
     patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
     seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering)
     return refine(first, seen)
+
+
+def _around(frame: RgbdFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:
+    """Every fourth point that is not the thing's and lies within `reach` [m] of it sideways, shape (m, 3)."""
+    grid = np.zeros(cloud.mask.shape, bool)
+    grid[::4, ::4] = True
+    points = world_points(frame, grid & ~cloud.mask)
+    low, high = cloud.points[:, :2].min(0) - reach, cloud.points[:, :2].max(0) + reach
+    return points[np.all((points[:, :2] > low) & (points[:, :2] < high), axis=1)]

@@ -8,6 +8,8 @@ import numpy as np
 from perception.solids import Solid
 from perception.support import SupportPlane
 
+FAR_BELOW = 0.10  # a hidden lower end longer than this in [m] more likely rests on something that nobody named
+
 
 @dataclass(frozen=True)
 class LowerEnd:
@@ -53,6 +55,7 @@ def find_bottom(
     table: SupportPlane,
     others: Sequence[Solid],
     depth_std: float,
+    around: np.ndarray | None = None,
 ) -> tuple[float, float]:
     """Height of the surface that carries a thing and the spread of that height, both in [m].
 
@@ -67,6 +70,8 @@ def find_bottom(
         table: Where the table is.
         others: Solids already fitted.
         depth_std: Spread of one point in [m].
+        around: Points of everything else near the thing, in the world in [m], shape (m, 3). A level among them is
+            believed only where the known surfaces are too far below for a thing to reach down to them.
     """
     x, y = np.median(points[:, 0]), np.median(points[:, 1])
     lowest = float(np.quantile(points[:, 2], 0.02))
@@ -74,9 +79,36 @@ def find_bottom(
     tolerance = 0.015 + 2.0 * depth_std
     below = [s for s in surfaces if s <= lowest + tolerance]
     nearest = max(below) if below else min(surfaces)
+    if around is not None and lowest - nearest > FAR_BELOW:
+        nearest = max([nearest, *(s for s in levels(around) if nearest < s <= lowest + tolerance)])
     top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
     unseen = end.hidden or top_only
     if not unseen and lowest - nearest > tolerance:
         return lowest, 0.005 + depth_std
     # A guess beneath a hidden end may be wrong by all that is hidden.
     return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if unseen else 0.0)
+
+
+def levels(points: np.ndarray, thickness: float = 0.01, share: float = 0.15) -> list[float]:
+    """Heights at which many points lie: level surfaces, in [m], lowest first.
+
+    Args:
+        points: In the world in [m], shape (n, 3).
+        thickness: Of a layer in [m].
+        share: Least share of the points within a layer and its two neighbours.
+    """
+    if len(points) < 50:
+        return []
+    z = points[:, 2]
+    counts, edges = np.histogram(z, bins=np.arange(z.min() - thickness, z.max() + 2 * thickness, thickness))
+    full = np.convolve(counts, np.ones(3), "same")
+    peaks = [
+        i
+        for i in range(1, len(full) - 1)
+        if full[i] >= share * len(z) and full[i] >= full[i - 1] and full[i] > full[i + 1]
+    ]
+    found = []
+    for i in peaks:
+        layer = z[(z >= edges[i - 1]) & (z < edges[i + 2])]
+        found.append(float(np.median(layer)))
+    return found
