@@ -184,7 +184,7 @@ def _placings(bench: Workbench) -> Iterator[Candidate]:
 
 
 def _taking_turns(pairs: list[tuple[int, ReadyPlace]]) -> list[tuple[int, ReadyPlace]]:
-    """Pairs with every grasp's best place first, then every grasp's second, up to `USES`: unlike candidates come first."""
+    """Every grasp's best place first, then every grasp's second, up to `USES`: unlike candidates come first."""
     turn: Counter[int] = Counter()
     ranked = []
     for i, place in pairs:

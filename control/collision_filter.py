@@ -7,7 +7,7 @@ costs about 30 us, a thousandth of simulating it.
 
 import copy
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -163,7 +163,7 @@ class CollisionFilter:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
-        out = dict.fromkeys(_LACKS, (-np.inf, ""))
+        out: dict[str, tuple[float, str]] = dict.fromkeys(_LACKS, (-np.inf, ""))
         geoms, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
         if not data.ncon:
             return out
@@ -192,10 +192,6 @@ class CollisionFilter:
             [np.arange(0, len(path), 4), np.setdiff1d(np.arange(len(path)), np.arange(0, len(path), 4))]
         )
         return all(self.clear(path[i], phase, width, object_at) for i in order)
-
-    def with_held(self, held: Held, phase: Phase, width: float) -> Callable[[np.ndarray], bool]:
-        """A test of single configurations for a transit with an object in the hand."""
-        return lambda q: self.clear(q, phase, width, held)
 
     def _place(self, q: np.ndarray, width: float, object_at: Held | np.ndarray | None) -> None:
         data = self._data

@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 
 from control.candidates import Candidate, candidates
+from control.collision_filter import Phase
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
 from control.grasps import MAX_OPENING, graspable_width
@@ -23,9 +24,9 @@ from control.refinement import vary
 from control.residuals import safety_residuals
 from control.rewards import RewardSpec
 from control.rewards_cost import Score, score_motion
-from control.rollouts import commands_for, record_motion, roll_out
+from control.rollouts import Rollout, commands_for, record_motion, roll_out
 from control.safety import SafetyLimits
-from control.subtasks import Subtask, read_subtask
+from control.subtasks import Subtask, posed_objects, read_subtask
 from control.trajectory import JointPath, PathSegment
 from control.twin_model import TwinModel
 from control.workbench import Workbench, path_length
@@ -166,7 +167,7 @@ class _Search:
         self.steps += steps
         return [Tried(c, self._score(r, bench.twin, c)) for c, r in zip(group, rollouts, strict=True)]
 
-    def _score(self, rollout, twin: TwinModel, candidate: Candidate) -> Score:
+    def _score(self, rollout: Rollout, twin: TwinModel, candidate: Candidate) -> Score:
         supports = frozenset(self.bench.supports)
         motion = record_motion(rollout, twin, self.spec, self.bench.subtask, supports, STRIDE)
         return score_motion(motion, twin, self.spec, self._residuals, self.bench.rest_palm, candidate.preference)
@@ -195,10 +196,7 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
     if twin.held is None and thing is not None:
         if not thing.movable:
             return FailureCause("no_candidate", subject, f"'{subject}' is fixed and cannot be carried")
-        data = twin.start()
-        from control.subtasks import posed_objects
-
-        width = graspable_width(posed_objects(twin, data)[task.subject])
+        width = graspable_width(posed_objects(twin, twin.start())[task.subject])
         widest = MAX_OPENING - 2 * safety.finger_clearance
         if width > widest:
             return FailureCause(
@@ -213,8 +211,6 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
 
 def _already_done(bench: Workbench, task: Subtask, text: str, began: float) -> MotionPlan | FailureCause:
     """Nothing to do but to come to rest (or to stay, where the palm itself is the point)."""
-    from control.collision_filter import Phase
-
     stays = task.manipulation in ("reach", "retreat")
     end = bench.start_q if stays else np.array(REST_Q)
     path = bench.way(bench.start_q, end, Phase.FREE, bench.twin.gripper_width, None, planner=True)

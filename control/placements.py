@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.goal_predicates import EDGE_MARGIN, PosedObject
-from control.rewards import RewardTerm
 from control.safety import SafetyLimits
 
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
@@ -143,8 +142,3 @@ def _inside(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Pl
                 for turn in _turns(a, position)
             ]
     return out
-
-
-def placement_term(term: RewardTerm) -> bool:
-    """Whether a term asks for an object to be put down somewhere."""
-    return term.kind in ("minimize_l2_distance", "maximize_l2_distance")

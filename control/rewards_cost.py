@@ -69,10 +69,10 @@ def score_motion(
         rest_palm: Tool centre point at rest in [m], shape (3,).
         effort: The candidate's own preference in [rad].
     """
-    primary = judge_at(motion, twin, spec, len(motion.time) - 1, rest_palm)[spec.terms.index(spec.primary)]
+    last = judge_at(motion, twin, spec, len(motion.time) - 1, rest_palm)
+    primary = last[spec.terms.index(spec.primary)]
     cost = PRIMARY_WEIGHT * primary.residual + EFFORT_WEIGHT * effort
     about_object = PALM not in (spec.primary.subject, spec.primary.target)
-    last = judge_at(motion, twin, spec, len(motion.time) - 1, rest_palm)
     for i, term in enumerate(spec.terms):
         if term.primary:
             continue

@@ -5,6 +5,7 @@ gripper at its finite speed. `mujoco.batch` steps them; its results do not depen
 are recomputed from recorded states (`mj_forward`), only for motions that are worth it and at a stride.
 """
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,6 @@ from control.twin_model import (
     ARM_ACTUATORS,
     ARM_BODIES,
     FINGER_BODIES,
-    FINGER_JOINTS,
     GRIPPER_ACTUATOR,
     HAND_BODY,
     TABLE_BODY,
@@ -301,11 +301,6 @@ def contact_names(model: mujoco.MjModel, objects: frozenset[str]) -> list[str]:
     return out
 
 
-def finger_gap(rollout: Rollout) -> float:
-    """Distance between the pads at the end in [m]."""
-    return float(sum(rollout.qpos[-1][rollout.model.joint(n).qposadr[0]] for n in FINGER_JOINTS))
-
-
 def _quintic(path: np.ndarray, limits: RobotLimits, scale: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions and speeds along a polyline at `dt`, without its first point."""
     share = np.abs(np.diff(path, axis=0)) / limits.qd
@@ -321,8 +316,6 @@ def _quintic(path: np.ndarray, limits: RobotLimits, scale: float, dt: float) -> 
 
 
 def _with_step(model: mujoco.MjModel, step: float) -> mujoco.MjModel:
-    import copy
-
     out = copy.copy(model)
     out.opt.timestep = step
     return out

@@ -4,15 +4,16 @@ The primary term decides which object is handled and where the motion ends; the 
 name of a scene or task enters here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
 import numpy as np
 
-from control.goal_predicates import PosedObject, TermJudgement, check_supported, judge_term
+from control.goal_predicates import PosedObject, check_supported
 from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
-from control.twin_model import TwinModel
+from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
 
 Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring"]
 
@@ -84,11 +85,19 @@ def posed_objects(twin: TwinModel, data: mujoco.MjData) -> dict[str, PosedObject
     return out
 
 
+def palm_at(twin: TwinModel, q: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Tool centre point in the world in [m] at arm joints q in [rad], shape (3,)."""
+    data = mujoco.MjData(twin.model)
+    data.qpos[:] = twin.qpos
+    for name, value in zip(ARM_JOINTS, q, strict=True):
+        data.qpos[twin.model.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(twin.model, data)
+    return data.site(TCP_SITE).xpos.copy()
+
+
 def posed(twin: TwinModel, name: str, world_T_object: np.ndarray) -> PosedObject:
     """One of the twin's objects at a pose (4, 4)."""
-    thing = twin.get(name)
-    if thing is None:
-        raise KeyError(name)
+    thing = next(o for o in twin.objects if o.name == name)
     return PosedObject(
         name,
         world_T_object,
@@ -98,15 +107,3 @@ def posed(twin: TwinModel, name: str, world_T_object: np.ndarray) -> PosedObject
         thing.inner_floor,
         thing.inner_radius,
     )
-
-
-def judge_spec(
-    spec: RewardSpec,
-    objects: dict[str, PosedObject],
-    palm: np.ndarray,
-    rest_palm: np.ndarray,
-    start_objects: dict[str, PosedObject],
-    support_height: float,
-) -> list[TermJudgement]:
-    """Judgements of all terms, in their order."""
-    return [judge_term(t, objects, palm, rest_palm, start_objects, support_height) for t in spec.terms]

@@ -12,7 +12,7 @@ from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
 from control.safety import SafetyLimits
-from control.subtasks import Subtask, posed_objects
+from control.subtasks import Subtask, palm_at, posed_objects
 from control.transits import rrt_connect, transit
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY, TwinModel
 
@@ -57,7 +57,7 @@ class Workbench:
         allowed = {*self.supports, TABLE_BODY, *([self.subtask.target] if self.subtask.target else [])}
         self.filter = CollisionFilter(self.twin, self.safety, handled, allowed)
         self.vias = _vias(self.limits, self.rng)
-        self.rest_palm = self.filter.tcp_pose(np.array(REST_Q))[:3, 3]
+        self.rest_palm = palm_at(self.twin, REST_Q)
         base = data.body(ARM_BODIES[0])
         rotation = base.xmat.reshape(3, 3)
         self._base_T_world = np.eye(4)

@@ -19,10 +19,10 @@ from control.rewards_cost import judge_at
 from control.robot import RobotModel
 from control.rollouts import Rollout, record_motion
 from control.safety import SafetyLimits
-from control.subtasks import Subtask, read_subtask
+from control.subtasks import Subtask, palm_at, read_subtask
 from control.trajectory import Trajectory
 from control.trajectory_checks import check_trajectory
-from control.twin_model import TCP_SITE, TwinModel
+from control.twin_model import TwinModel
 from control.workbench import resting_on
 from sim_check.replay import measure_clearances, replay
 from sim_check.twin import perturbed_twin
@@ -129,7 +129,7 @@ def _checks(
 
 def _reward(motion: TwinMotion, twin: TwinModel, spec: RewardSpec, safety: SafetyLimits) -> CheckResult:
     """The primary reward, at its worst over the settling time: met early and lost again does not count."""
-    rest = _rest_palm(twin)
+    rest = palm_at(twin, REST_Q)
     first = int(np.searchsorted(motion.time, motion.time[-1] - safety.settle_time))
     index = spec.terms.index(spec.primary)
     rows = np.unique(np.linspace(first, len(motion.time) - 1, 6).astype(int))
@@ -139,19 +139,6 @@ def _reward(motion: TwinMotion, twin: TwinModel, spec: RewardSpec, safety: Safet
     return CheckResult(
         "reward_met", residuals[worst], 0.0, "m", residuals[worst] == 0.0, at, tuple(sorted(spec.primary.names))
     )
-
-
-def _rest_palm(twin: TwinModel) -> np.ndarray:
-    """Tool centre point in the rest configuration in [m], shape (3,)."""
-    data = replace(twin, q=np.array(REST_Q)).start()
-    from control.twin_model import ARM_JOINTS
-
-    for name, value in zip(ARM_JOINTS, REST_Q, strict=True):
-        data.qpos[twin.model.joint(name).qposadr[0]] = value
-    import mujoco
-
-    mujoco.mj_kinematics(twin.model, data)
-    return data.site(TCP_SITE).xpos.copy()
 
 
 def _start_state(trajectory: Trajectory, twin: TwinModel, safety: SafetyLimits) -> CheckResult:
