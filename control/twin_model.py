@@ -14,7 +14,8 @@ HAND_BODY = "panda_hand"
 FINGER_BODIES = ("panda_leftfinger", "panda_rightfinger")
 TCP_SITE = "tcp"
 ARM_ACTUATORS = ARM_JOINTS  # position servos with velocity damping; ctrl = joint position in [rad]
-GRIPPER_ACTUATOR = "gripper"  # position servo of one finger; ctrl = half of the width between the pads in [m]
+# Position servo of the mean finger position; ctrl = half of the width between the pads in [m].
+GRIPPER_ACTUATOR = "gripper"
 TABLE_BODY = "table"
 
 
