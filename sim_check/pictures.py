@@ -21,7 +21,7 @@ def object_pictures(spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectMode
     if thing.noun == "crate":
         _crate(body, thing)
     elif thing.container:
-        _turned(spec, body, thing, _bowl_outline(thing.extents), material)
+        _turned(spec, body, thing, _bowl_outline(thing), material)
     elif thing.noun == "apple":
         _turned(spec, body, thing, _apple_outline(thing.extents), material)
         _stem(body, thing)
@@ -99,11 +99,10 @@ def _turned(spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectModel, outli
     _show(body, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=thing.name, material=material)
 
 
-def _bowl_outline(extents: np.ndarray) -> np.ndarray:
+def _bowl_outline(thing: ObjectModel) -> np.ndarray:
     """Under the foot, up the outside, over the rim, down the inside, over the inner floor."""
-    low, high, inner_high, inner_low = bowl_profile(extents)
-    floor = 0.11 * extents[2]
-    # The wall's picture bends a little outwards of the straight boards' chord at most by its thickness.
+    low, high, inner_high, inner_low = bowl_profile(thing.extents)
+    floor = thing.inner_floor
     share = (floor - inner_low[1]) / (inner_high[1] - inner_low[1])
     corner = inner_low + share * (inner_high - inner_low)
     foot = np.array([low[0], 0.0])
@@ -123,7 +122,7 @@ def _bowl_outline(extents: np.ndarray) -> np.ndarray:
             [tiny, floor],
         ]
     )
-    outline[:, 1] -= extents[2] / 2
+    outline[:, 1] -= thing.extents[2] / 2
     return outline
 
 

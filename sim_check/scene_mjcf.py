@@ -3,6 +3,8 @@
 Groups of geoms, as in `sim_check.panda_mjcf`: 3 = collision, 2 = pictures without contacts.
 """
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -179,7 +181,10 @@ def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
     )
 
 
-def _add_material(spec: mujoco.MjSpec, name: str, rgb: list[float], speckle: list[float], repeat: float, shine: float):
+def _add_material(
+    spec: mujoco.MjSpec, name: str, rgb: list[float], speckle: list[float], repeat: float, shine: float
+) -> None:
+    """A speckled surface, `repeat` textures a metre, so that stereo has something to match."""
     spec.add_texture(
         name=name,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -196,7 +201,8 @@ def _add_material(spec: mujoco.MjSpec, name: str, rgb: list[float], speckle: lis
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
-def _add_picture(body: mujoco.MjsBody, half, position, **look) -> None:
+def _add_picture(body: mujoco.MjsBody, half: Sequence[float], position: np.ndarray, **look) -> None:
+    """A box that only cameras see; half sizes and centre in the body's frame in [m]."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=half,
