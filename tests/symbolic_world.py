@@ -122,7 +122,8 @@ class World:
             if scene.get(name) is None:
                 raise UnknownObjectError(f"no object named '{name}' in this scene; it has {sorted(scene.names)}")
         if PALM in (term.subject, term.target):
-            return TermJudgement(True, 0.0, f"palm was at {term.target}")
+            met = self.specs[-1].primary == term  # the next motion takes the palm elsewhere
+            return TermJudgement(met, 0.0 if met else 0.3, f"palm is {'' if met else 'not '}at {term.target}")
         a, b = scene.get(term.subject), scene.get(str(term.target))
         assert a is not None
         if term.kind == "set_obj_z_position":

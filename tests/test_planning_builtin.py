@@ -75,12 +75,18 @@ def test_what_was_moved_away_since_is_not_moved_again():
 def test_things_that_block_each_other_do_not_send_the_rules_in_circles():
     attempts = (
         failed("place red_cube on crate", "yellow_cube is in the way of red_cube."),
-        failed("move yellow_cube away from crate", "red_cube is in the way of yellow_cube."),
-        failed("move red_cube away from yellow_cube", "crate is in the way of red_cube."),
+        failed("move yellow_cube away from crate", "lemon is in the way of yellow_cube."),
+        failed("move lemon away from crate", "yellow_cube is in the way of lemon."),
     )
-    plan = replan("place the red cube on the crate", attempts, facts=())
-    assert plan.steps[-2:] == ("move yellow_cube away from crate", "place red_cube on crate")
-    assert len(plan.steps) == len(set(plan.steps)) <= 4
+    plan = replan("place the red cube on the crate", attempts, facts=(), objects=(*OBJECTS, "lemon"))
+    assert plan.steps == ("move lemon away from crate", "move yellow_cube away from crate", "place red_cube on crate")
+
+
+def test_after_a_failure_of_the_motion_itself_nothing_is_blamed():
+    reason = "The motion itself failed (lost grasp). It slipped. yellow_cube is on crate."
+    plan = replan("place the red cube on the crate", (failed("place red_cube on crate", reason),))
+    assert plan.steps == ("place red_cube on crate",)
+    assert "try again" in plan.thought
 
 
 def test_finished_clauses_are_not_repeated():
@@ -123,13 +129,15 @@ def test_actions_become_descriptions_become_programs(action, lines, primary):
 
 def test_a_call_that_serves_no_line_is_found():
     description = ("palm is close to red_cube", "red_cube is close to crate", "door is open")
-    assert ask("verify_reward", description=description, call="set_obj_z_position_reward(red_cube, 1)").count("-1")
-    assert ask("verify_reward", description=description, call="minimize_l2_distance_reward(palm, crate)").count("-1")
-    assert ask("verify_reward", description=description, call="set_joint_fraction_reward(door, 0)").count("-1")
-    assert ask("verify_reward", description=description, call="set_joint_fraction_reward(door, 1)").count(">3<")
-    assert ask("verify_reward", description=description, call="minimize_l2_distance_reward(crate, red_cube)").count(
-        ">2<"
-    )
+    for call, line in [
+        ("set_obj_z_position_reward(red_cube, 1)", -1),
+        ("minimize_l2_distance_reward(palm, crate)", -1),
+        ("set_joint_fraction_reward(door, 0)", -1),
+        ("set_joint_fraction_reward(door, 1)", 3),
+        ("minimize_l2_distance_reward(crate, red_cube)", 2),
+        ("nonsense", -1),
+    ]:
+        assert ask("verify_reward", description=description, call=call) == f"<step>{line}</step>"
 
 
 def test_the_perceiver_answers_from_facts():
@@ -174,16 +182,9 @@ def test_names_are_checked_and_repaired():
 
 
 def test_a_summary_begins_with_what_most_explanations_say():
-    text = ask(
-        "summarize_failure",
-        action="open the door",
-        explanations=(
-            "door is shut.",
-            "kettle is in front of door.",
-            "kettle is in front of door.",
-            "The arm is short.",
-        ),
-    )
+    kettle = "kettle is in front of door."
+    explanations = ("door is shut.", kettle, kettle, "The arm is short.")
+    text = ask("summarize_failure", action="open the door", explanations=explanations)
     assert answers.parse_reasons(text) == (kettle, "door is shut.")
 
 

@@ -243,11 +243,13 @@ def test_malformed_plans_are_asked_for_again_with_the_reason_then_given_up():
 
 def test_an_unusable_reward_program_is_a_cause_and_not_the_end():
     reasoner = Overriding(reward_program="```python\n__import__('os').system('x')\n```")
-    world = cubes()
-    result = reach("place the red cube on the crate", world, reasoner=reasoner, settings=LoopSettings(1, 1))
+    world, log = cubes(), Journal()
+    settings = LoopSettings(1, 1)
+    result = reach("place the red cube on the crate", world, reasoner=reasoner, settings=settings, log=log)
     assert not result.reached and world.specs == []
     assert result.causes[0].kind == "reasoner_error"
     assert "attribute access ('.system')" in result.causes[0].message
+    assert log.of("vote") == []  # objects have no part in it
 
 
 def test_a_wrong_primary_reward_in_the_program_is_overruled():
@@ -419,3 +421,24 @@ def test_each_role_can_have_a_reasoner_of_its_own():
     assert by_silent == {"diagnose_failure"}
     assert {data["pictures"] for data in log.of("prompt") if data["contract"] == "diagnose_failure"} == {1}
     assert {data["pictures"] for data in log.of("prompt") if data["contract"] != "diagnose_failure"} == {0}
+
+
+def test_what_was_cleared_away_need_not_stay_where_it_was_put():
+    class Dragging(World):
+        """Drags the yellow cube back beside the crate while the red one is placed."""
+
+        def attempt(self, spec, scene):
+            result = super().attempt(spec, scene)
+            if result.ok and spec.primary.subject == "red_cube":
+                self.beside["yellow_cube"] = "crate"
+            return result
+
+    world = Dragging(cubes(yellow_cube="crate").places, frozenset({"crate"}))
+    assert reach("place the red cube on the crate", world).reached
+
+
+def test_where_the_palm_was_is_not_asked_again_at_the_end():
+    result = reach("reach the crate then place the red cube on the crate", cubes())
+    assert result.reached and [s.action for s in result.steps] == ["reach crate", "place red_cube on crate"]
+    plan = "<thought>Tidy.</thought>\n[start plan]\n> reach crate\n> place red_cube on crate\n[end plan]"
+    assert reach("tidy up", cubes(), reasoner=Overriding(high_level_plan=plan)).reached
