@@ -184,7 +184,7 @@ def add_room(spec: mujoco.MjSpec, table: mujoco.MjsBody) -> None:
 def _add_material(
     spec: mujoco.MjSpec, name: str, rgb: list[float], speckle: list[float], repeat: float, shine: float
 ) -> None:
-    """A speckled surface, `repeat` textures a metre, so that stereo has something to match."""
+    """A speckled surface, `repeat` textures a metre."""
     spec.add_texture(
         name=name,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
