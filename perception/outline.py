@@ -25,6 +25,22 @@ class Outline:
     free: float
 
 
+def longest_contour(mask: np.ndarray) -> np.ndarray:
+    """Border pixels (x, y) of a mask's piece of longest border, in order, int, shape (n, 2)."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return max(contours, key=len).reshape(-1, 2) if contours else np.zeros((0, 2), int)
+
+
+def outward_normals(contour: np.ndarray) -> np.ndarray:
+    """Directions out of a closed contour (x, y), from its tangent smoothed over seven pixels, shape (n, 2)."""
+    tangent = (np.roll(contour, -3, 0) - np.roll(contour, 3, 0)).astype(float)
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    x, y = contour[:, 0].astype(float), contour[:, 1].astype(float)
+    clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+    return normal if clockwise >= 0 else -normal
+
+
 def own_outline(
     contour: np.ndarray,
     blob: np.ndarray,
@@ -104,10 +120,7 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
         depth: In [m], NaN where unknown, same shape; None to treat no part of the outline as hidden.
         nearer: By how much something in front has to be nearer in [m].
     """
-    contours, _ = cv2.findContours(blob.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not contours:
-        return None
-    contour = max(contours, key=len).reshape(-1, 2)
+    contour = longest_contour(blob)
     if len(contour) < 12:
         return None
     hull = cv2.convexHull(contour.reshape(-1, 1, 2)).reshape(-1, 2)
@@ -141,21 +154,11 @@ def own_outline_pixels(
         covering: Pixels of things that stand on or in the thing, bool, same shape, or None.
         nearer: By how much something in front has to be nearer in [m].
     """
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    if not contours:
-        return np.zeros((0, 2))
-    contour = max(contours, key=len).reshape(-1, 2)
+    contour = longest_contour(mask)
     if len(contour) < 12:
         return np.zeros((0, 2))
     own = own_outline(contour, mask, depth, nearer, covering)
     hull = cv2.convexHull(contour.reshape(-1, 1, 2))
     dent = np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in contour])
     own &= dent < 2.0
-    # Outward normal from the smoothed tangent; contours run clockwise in pictures (y down) or the other way.
-    tangent = (np.roll(contour, -3, 0) - np.roll(contour, 3, 0)).astype(float)
-    normal = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    x, y = contour[:, 0].astype(float), contour[:, 1].astype(float)
-    if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0:
-        normal = -normal
-    return (contour + 0.5 * normal)[own]
+    return (contour + 0.5 * outward_normals(contour))[own]

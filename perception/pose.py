@@ -81,7 +81,6 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
     points = points[keep]
     if len(points) < settings.least_points:
         return f"too few usable depth points ({len(points)}, {settings.least_points} are needed)"
-    depth = np.where(frame.valid_depth, frame.depth, np.nan)
     distance = float(np.median(frame.depth[used]))
     return MaskedCloud(
         mask,
@@ -89,7 +88,7 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         points,
         share,
         settings.noise.depth_std(distance, frame.intrinsics.fx),
-        lower_end(mask, depth),
+        lower_end(frame, mask, np.median(points, 0)),
     )
 
 

@@ -5,10 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.cloud import world_points
+from perception.frames import RgbdFrame
+from perception.outline import longest_contour, outward_normals
 from perception.solids import Solid
 from perception.support import SupportPlane
 
 FAR_BELOW = 0.10  # a hidden lower end longer than this in [m] more likely rests on something that nobody named
+
+# A side seen so steeply that it is a few pixels wide loses up to so much of its foot to the table beyond, in [m].
+FORESHORTENED = 0.04
 
 
 @dataclass(frozen=True)
@@ -18,35 +24,60 @@ class LowerEnd:
     Attributes:
         hidden: Something nearer covers it, or the picture ends there.
         drops: Beyond it depth falls away: the thing hangs in the air, or its own top hides what is beneath.
+        height: Of the points just inside of it in [m]; NaN where unknown.
     """
 
     hidden: bool
     drops: bool
+    height: float
 
 
-def lower_end(mask: np.ndarray, depth: np.ndarray, below_px: int = 5, step: float = 0.02) -> LowerEnd:
-    """Look across the lower edge of a mask.
+def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int = 5, step: float = 0.02) -> LowerEnd:
+    """Look across the edge of a mask that gravity points to.
 
     Args:
+        frame: The picture.
         mask: Pixels of the thing, bool, shape (height, width).
-        depth: In [m], NaN where unknown, same shape.
-        below_px: How far below the mask's lower edge to look in [px].
+        centre: Some point of the thing in the world in [m], shape (3,).
+        reach: How far beyond the edge to look in [px].
         step: By how much depth must change to count in [m].
     """
-    columns = np.nonzero(mask.any(0))[0]
-    if len(columns) == 0:
-        return LowerEnd(True, False)
-    height = mask.shape[0]
-    columns = columns[len(columns) // 5 : max(len(columns) // 5 + 1, 4 * len(columns) // 5)]
-    lowest = height - 1 - np.argmax(mask[::-1, columns], axis=0)
-    if np.mean(lowest >= height - 2) > 0.5:
-        return LowerEnd(True, False)
-    outside = depth[np.clip(lowest + below_px, None, height - 1), columns]
-    inside = depth[np.clip(lowest - 2, 0, None), columns]
-    gap = (inside - outside)[np.isfinite(inside - outside)]
+    contour = longest_contour(mask)
+    if len(contour) < 12:
+        return LowerEnd(True, False, float("nan"))
+    normals = outward_normals(contour)
+    facing = normals @ _down_in_picture(frame, centre) > 0.6
+    width, height = frame.intrinsics.width, frame.intrinsics.height
+    edge, normals = contour[facing], normals[facing]
+    if len(edge) < 3:
+        return LowerEnd(True, False, float("nan"))
+    cut = (edge < 2).any(1) | (edge[:, 0] > width - 3) | (edge[:, 1] > height - 3)
+    if cut.mean() > 0.5:
+        return LowerEnd(True, False, float("nan"))
+    limits = np.array([width - 1, height - 1])
+    beyond = np.clip(np.round(edge + reach * normals).astype(int), 0, limits)
+    within = np.clip(np.round(edge - 2 * normals).astype(int), 0, limits)
+    depth = np.where(frame.valid_depth, frame.depth, np.nan)
+    inside = depth[within[:, 1], within[:, 0]]
+    gap = inside - depth[beyond[:, 1], beyond[:, 0]]
+    gap = gap[np.isfinite(gap)]
+    foot = np.zeros_like(mask)
+    foot[within[:, 1], within[:, 0]] = True
+    points = world_points(frame, foot)
+    low = float(np.median(points[:, 2])) if len(points) >= 3 else float("nan")
     if len(gap) == 0:
-        return LowerEnd(False, False)
-    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4))
+        return LowerEnd(False, False, low)
+    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4), low)
+
+
+def _down_in_picture(frame: RgbdFrame, centre: np.ndarray) -> np.ndarray:
+    """Direction (u, v) of gravity at a point, unit length; down in the picture where it is seen end on."""
+    pose = frame.world_T_camera
+    ends = (np.stack([centre, centre - [0.0, 0.0, 0.01]]) - pose[:3, 3]) @ pose[:3, :3]
+    pixels = ends[:, :2] / np.maximum(ends[:, 2:], 0.02)
+    down = pixels[1] - pixels[0]
+    length = np.linalg.norm(down)
+    return down / length if length > 1e-4 else np.array([0.0, 1.0])
 
 
 def find_bottom(
@@ -74,7 +105,8 @@ def find_bottom(
             believed only where the known surfaces are too far below for a thing to reach down to them.
     """
     x, y = np.median(points[:, 0]), np.median(points[:, 1])
-    lowest = float(np.quantile(points[:, 2], 0.02))
+    # The foot of a thin visible side is a small share of all points: its edge says better where it ends.
+    lowest = float(np.nanmin([np.quantile(points[:, 2], 0.02), end.height]))
     surfaces = [float(table.at(x, y)), *(s.top for s in others if s.shape != "sphere" and s.covers(x, y, 0.01))]
     tolerance = 0.015 + 2.0 * depth_std
     below = [s for s in surfaces if s <= lowest + tolerance]
@@ -84,6 +116,8 @@ def find_bottom(
     top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
     unseen = end.hidden or top_only
     if not unseen and lowest - nearest > tolerance:
+        if end.drops and lowest - nearest < FORESHORTENED:
+            return nearest, 0.5 * (lowest - nearest)  # the outline decides
         return lowest, 0.005 + depth_std
     # A guess beneath a hidden end may be wrong by all that is hidden.
     return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if unseen else 0.0)
