@@ -16,6 +16,7 @@ from planning.names import AmbiguousName, MissingName, as_name, mentioned, resol
 
 AWAY_DISTANCE = 0.2  # [m] between centres; leaves a hand's width (0.2 m) for the next grasp and stays in reach
 AWAY_SLACK = 0.02  # [m] by which a body may seem nearer than it was put
+SAME_FAILURES = 3  # after as many failures in the same words another try is no new information
 LIFT_HEIGHT = 0.25  # [m], of a lifted object's centre: clear of table-top things, far from the arm's own limits
 
 # "X is on Y", "X is in the way", "X blocks ...": X is to blame, and Y says what it must go away from.
@@ -36,9 +37,11 @@ def make_plan(fields: Mapping[str, Any]) -> str:
         clauses = [_with_names(c, objects) for c in parse_goal(fields["goal"])]
     except (GoalError, MissingName, AmbiguousName) as error:
         return _plan_text(str(error), ())
-    hopeless = [a.action for a in attempts if _is_look(a.action)]
-    if hopeless:
-        return _plan_text(f"I tried to {hopeless[-1]} and know nothing that may hide it", ())
+    in_vain = [a.action for a in attempts if _is_look(a.action)]
+    if in_vain:
+        return _plan_text(f"I tried to {in_vain[-1]} and know nothing that may hide it", ())
+    if _hopeless(attempts):
+        return _plan_text(f"'{attempts[-1].action}' failed {SAME_FAILURES} times alike. {attempts[-1].reason}", ())
     # Whatever is lifted and then put somewhere is lifted on the way.
     clauses = [
         c
@@ -64,6 +67,13 @@ def make_plan(fields: Mapping[str, Any]) -> str:
     else:
         thought = f"{attempts[-1].reason} Nothing is known to be in the way, so I try again"
     return _plan_text(thought, steps)
+
+
+def _hopeless(attempts: Sequence[FailedAttempt]) -> bool:
+    """Whether the last attempts were one action that failed each time in the same words."""
+    last = attempts[-SAME_FAILURES:]
+    alike = len(last) == SAME_FAILURES and len({(a.action, a.reason) for a in last}) == 1
+    return alike and not last[0].reason.startswith(MOTION_FAILED)
 
 
 def _with_removals(

@@ -2,84 +2,27 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from control.errors import GoalError, ReasonerError, RefusedError, RewardSpecError, UnknownObjectError
 from control.failure import FailureCause
 from control.rewards import PALM, RewardSpec
-from perception.errors import UnknownPhraseError
-from perception.estimates import SceneEstimate, Unseen
+from perception.estimates import SceneEstimate
 from planning.answers import Plan, parse_completion, parse_plan, parse_yes_no
 from planning.diagnosis import diagnose
-from planning.goal_language import mentioned_phrases
 from planning.interfaces import AttemptResult, Eyes, Hands, Judge, Judgement
 from planning.memory import FailedAttempt, FailedPlan, cause_sentences
-from planning.names import as_name, candidates, mentioned
+from planning.names import mentioned
 from planning.perceiver import Perceiver, describe
 from planning.reasoner import Asker, Log, Reasoner
+from planning.results import GoalResult, LoopSettings, StepRecord
+from planning.sight import Sight
 from planning.subtask import Scope, spec_for
 from planning.verifier import Verifier
 from prompts.contracts import Role
 
 __all__ = ["AttemptResult", "GoalResult", "LoopSettings", "StepRecord", "run_loop"]
-
-
-@dataclass(frozen=True)
-class LoopSettings:
-    """Bounds of a run.
-
-    Attributes:
-        replans: How often a failed step may be replanned within one plan.
-        plans: How many plans may be made from scratch.
-        tries: How often one question may be put to a reasoner.
-        max_steps: Steps carried out or attempted in one plan, replans included; the paper's longest task took 17.
-    """
-
-    replans: int = 3
-    plans: int = 2
-    tries: int = 3
-    max_steps: int = 20
-
-
-@dataclass(frozen=True)
-class StepRecord:
-    """One step that was carried out or attempted.
-
-    Attributes:
-        action: As the plan has it.
-        kind: Whether it asked for eyes or hands.
-        ok: Whether it was achieved, as seen afterwards.
-        cause: Why not; None when ok.
-    """
-
-    action: str
-    kind: str
-    ok: bool
-    cause: FailureCause | None = None
-
-
-@dataclass(frozen=True)
-class GoalResult:
-    """How a run ended.
-
-    Attributes:
-        reached: Whether everything that was wanted is seen to hold at the end.
-        reason: One sentence for people.
-        plans: Every plan, replans included, in order.
-        steps: Every step tried, in order.
-        replans: How often a step or the whole plan was made anew.
-        causes: Every failure cause, in order.
-        scene: What was seen last.
-    """
-
-    reached: bool
-    reason: str
-    plans: tuple[Plan, ...]
-    steps: tuple[StepRecord, ...]
-    replans: int
-    causes: tuple[FailureCause, ...]
-    scene: SceneEstimate | None = None
 
 
 def run_loop(
@@ -121,8 +64,8 @@ def run_loop(
         raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
     settings = settings or LoopSettings()
     asker = Asker(reasoner, log, settings.tries, by_role)
-    run = _Run(goal, eyes, hands, judge, asker, log, say, tuple(joints), pictures, settings)
-    run.set_names(known_names)
+    sight = Sight(goal, known_names, eyes, log)
+    run = _Run(goal, sight, hands, judge, asker, log, say, tuple(joints), pictures, settings)
     result = run.reach()
     log("goal_result", reached=result.reached, reason=result.reason, replans=result.replans, causes=result.causes)
     return result
@@ -142,7 +85,7 @@ class _Run:
     """One run's state; `run_loop` is the way in."""
 
     goal: str
-    eyes: Eyes
+    sight: Sight
     hands: Hands
     judge: Judge
     asker: Asker
@@ -151,10 +94,6 @@ class _Run:
     joints: tuple[str, ...]
     pictures: Callable[[], Sequence[Any]]
     settings: LoopSettings
-    known: tuple[str, ...] = ()  # the cell's names
-    names: tuple[str, ...] = ()  # what is looked for: the cell's and the goal's names
-    wanted: tuple[str, ...] = ()  # names of the things that the goal speaks of
-    unlookable: dict[str, str] = field(default_factory=dict)
     plans: list[Plan] = field(default_factory=list)
     steps: list[StepRecord] = field(default_factory=list)
     attempts: list[FailedAttempt] = field(default_factory=list)
@@ -167,48 +106,10 @@ class _Run:
         self.verifier = Verifier(self.asker, self.log)
         self.perceiver = Perceiver(self.asker, self.log)
 
-    # -- seeing ------------------------------------------------------------------------------------------------------
-
-    def set_names(self, known: Sequence[str]) -> None:
-        """What to look for: the cell's names, and what else the goal speaks of."""
-        wanted, extra = [], []
-        for phrase in mentioned_phrases(self.goal):
-            means = candidates(phrase, known)
-            wanted += means or [as_name(phrase)]
-            if not means and as_name(phrase):
-                extra.append(as_name(phrase))
-        self.known = tuple(known)
-        self.names = tuple(dict.fromkeys([*known, *extra]))
-        self.wanted = tuple(dict.fromkeys(wanted))
-        self.log("goal", goal=self.goal, names=self.names, wanted=self.wanted)
-
-    def look(self) -> SceneEstimate:
-        """A fresh look; names that the detector cannot look for count as not seen."""
-        names = [n for n in self.names if n not in self.unlookable]
-        try:
-            scene = self.eyes.look(names)
-        except UnknownPhraseError as error:
-            # The error does not say which name it is. What only the goal speaks of is suspected first.
-            self._find_unlookable([n for n in names if n not in self.known] or names, error)
-            return self.look()
-        missing = tuple(Unseen(n, r) for n, r in self.unlookable.items())
-        return replace(scene, unseen=(*scene.unseen, *missing)) if missing else scene
-
-    def _find_unlookable(self, suspects: Sequence[str], error: UnknownPhraseError) -> None:
-        found = {}
-        for name in suspects if len(suspects) > 1 else ():
-            try:
-                self.eyes.look([name])
-            except UnknownPhraseError as alone:
-                found[name] = str(alone)
-        for name, reason in (found or dict.fromkeys(suspects, str(error))).items():
-            self.unlookable[name] = reason
-            self.log("unlookable", name=name, reason=reason)
-
     # -- task level --------------------------------------------------------------------------------------------------
 
     def reach(self) -> GoalResult:
-        scene = self.look()
+        scene = self.sight.look()
         failed_plans: list[FailedPlan] = []
         why = ""
         for k in range(self.settings.plans):
@@ -243,24 +144,11 @@ class _Run:
         self.say(f"plan: {'; '.join(plan.steps) or 'none'} ({plan.thought})")
         return plan
 
-    def _missing(self, scene: SceneEstimate) -> list[str]:
-        """Things that the goal speaks of and that are not in view; of several that may be meant, all must be out."""
-        groups: dict[str, list[str]] = {}
-        for phrase in mentioned_phrases(self.goal):
-            groups[phrase] = candidates(phrase, self.names) or [as_name(phrase)]
-        return [as_name(p) for p, means in groups.items() if not set(means) & set(scene.names)]
-
-    def _missing_sentence(self, scene: SceneEstimate) -> str:
-        missing = [n.replace("_", " ") for n in self._missing(scene)]
-        verb = "is" if len(missing) == 1 else "are"
-        seen = ", ".join(n.replace("_", " ") for n in scene.names) or "nothing"
-        return f"{' and '.join(missing)} {verb} not in view; in view: {seen}"
-
     def _why_no_plan(self, plan: Plan, scene: SceneEstimate, first: bool) -> str:
-        if self._missing(scene):
-            claimed = [n for n in self._missing(scene) if self.perceiver.claims_to_see(n, scene, self.pictures())]
+        if self.sight.missing(scene):
+            claimed = [n for n in self.sight.missing(scene) if self.perceiver.claims_to_see(n, scene, self.pictures())]
             extra = f" (the perceiver sees {', '.join(claimed)}, but no pose was found)" if claimed else ""
-            return self._missing_sentence(scene) + extra
+            return self.sight.missing_sentence(scene) + extra
         if first and not self.steps:
             raise GoalError(plan.thought)
         return plan.thought
@@ -295,7 +183,7 @@ class _Run:
             fields = {"objects": scene.names, "goal": self.goal, **self._history(scene)}
             plan = self._noted(self.asker.ask("replan", fields, parse_plan))
             if not plan.steps:
-                return self._missing_sentence(scene) if self._missing(scene) else plan.thought, scene
+                return self.sight.missing_sentence(scene) if self.sight.missing(scene) else plan.thought, scene
             queue = list(plan.steps)
         return "", scene
 
@@ -313,7 +201,7 @@ class _Run:
         return cause, scene, None
 
     def _vision_step(self, action: str, plan: Plan) -> tuple[FailureCause | None, SceneEstimate, str | None]:
-        scene = self.look()
+        scene = self.sight.look()
         seen = self.perceiver.observe(self.goal, plan.steps, action, scene, self.pictures())
         self.observations += [o for o in seen if o not in self.observations]
         fields = {"plan": plan.steps, "action": action, "observations": seen}
@@ -321,7 +209,7 @@ class _Run:
         self.log("looked", action=action, done=done, remaining=remaining)
         cause = None
         if not done and remaining is None:
-            subject = (mentioned(action, self.names) or self._missing(scene) or [action])[0]
+            subject = (mentioned(action, self.sight.names) or self.sight.missing(scene) or [action])[0]
             cause = FailureCause("not_seen", subject, " ".join(seen) or "no question about it could be answered")
         self.steps.append(StepRecord(action, "eyes", done, cause))
         return cause, scene, remaining
@@ -334,7 +222,7 @@ class _Run:
             self.log("undescribed", action=action, reason=str(error))
             return FailureCause("reasoner_error", action, str(error)), scene
         cause, after = self._attempt(spec, scene)
-        latest = after or self.look()  # fresh eyes after every motion, whatever came of it
+        latest = after or self.sight.look()  # fresh eyes after every motion, whatever came of it
         if cause is None:
             verdict = self._judged(spec, latest, scene)
             self.log("judged", action=action, met=verdict is None, term=spec.primary)
@@ -402,7 +290,7 @@ class _Run:
         for done in self.achieved:
             if PALM not in (done.spec.primary.subject, done.spec.primary.target):
                 last[done.spec.primary.subject] = done
-        named = {n: d for n, d in last.items() if n in self.wanted}
+        named = {n: d for n, d in last.items() if n in self.sight.wanted}
         return list((named or last).values())
 
     def _undone(self, scene: SceneEstimate) -> str:

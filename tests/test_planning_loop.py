@@ -214,13 +214,22 @@ def test_the_end_of_the_robot_or_of_patience_ends_the_run(error):
 
 def test_a_hopeless_task_is_given_up_within_its_bounds():
     world = cubes()
-    world.failures = [FailureCause("no_candidate", "red_cube", "nothing reaches it")] * 100
+    world.failures = [FailureCause("no_candidate", "red_cube", f"{k} motions failed") for k in range(100)]
     settings = LoopSettings(replans=2, plans=2)
     result = reach("place the red cube on the crate", world, settings=settings)
     assert not result.reached
     assert len(world.specs) == 2 * 3  # two plans, each with one attempt and two replans
     assert result.replans == 2 * 2 + 1
-    assert result.reason == "'place red_cube on crate' failed 3 times, last: nothing reaches it"
+    assert result.reason == "'place red_cube on crate' failed 3 times, last: 5 motions failed"
+
+
+def test_what_fails_in_the_same_words_again_and_again_is_given_up_early():
+    world = cubes()
+    world.failures = [FailureCause("no_candidate", "red_cube", "red_cube is too wide")] * 100
+    result = reach("place the red cube on the crate", world)
+    assert not result.reached and len(world.specs) == 3
+    assert "'place red_cube on crate' failed 3 times alike" in result.reason
+    assert "red_cube is too wide." in result.reason
 
 
 def test_every_prompt_answer_and_verdict_is_logged():
@@ -442,3 +451,11 @@ def test_where_the_palm_was_is_not_asked_again_at_the_end():
     assert result.reached and [s.action for s in result.steps] == ["reach crate", "place red_cube on crate"]
     plan = "<thought>Tidy.</thought>\n[start plan]\n> reach crate\n> place red_cube on crate\n[end plan]"
     assert reach("tidy up", cubes(), reasoner=Overriding(high_level_plan=plan)).reached
+
+
+def test_of_several_unknown_words_only_those_that_cannot_be_looked_for_are_given_up():
+    world = World({"pear": "table", "bowl": "table"}, frozenset({"bowl"}), deaf_to=frozenset({"gizmo"}))
+    log = Journal()
+    result = reach("put the pear in the bowl then put the gizmo in the bowl", world, names=("bowl",), log=log)
+    assert result.reason == "gizmo is not in view; in view: bowl, pear"
+    assert [data["name"] for data in log.of("unlookable")] == ["gizmo"]

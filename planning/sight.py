@@ -1,0 +1,76 @@
+"""What a run looks for: the names of its cell, and whatever else its goal speaks of."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from perception.errors import UnknownPhraseError
+from perception.estimates import SceneEstimate, Unseen
+from planning.goal_language import mentioned_phrases
+from planning.interfaces import Eyes
+from planning.names import as_name, candidates
+from planning.reasoner import Log
+
+
+class Sight:
+    """Looks for the right names, and knows what of the goal is missing.
+
+    Args:
+        goal: In plain language.
+        known: The cell's names.
+        eyes: Look.
+        log: Gets `goal`, and `unlookable` for a name that the detector has no way to look for.
+
+    Attributes:
+        names: All that is looked for.
+        wanted: Names that the goal may mean.
+    """
+
+    def __init__(self, goal: str, known: Sequence[str], eyes: Eyes, log: Log) -> None:
+        self._eyes = eyes
+        self._log = log
+        self._known = frozenset(known)
+        self._unlookable: dict[str, str] = {}
+        phrases = [p for p in mentioned_phrases(goal) if as_name(p)]
+        self._meanings = {as_name(p): tuple(candidates(p, known)) or (as_name(p),) for p in phrases}
+        self.wanted = tuple(dict.fromkeys(n for means in self._meanings.values() for n in means))
+        self.names = tuple(dict.fromkeys((*known, *self.wanted)))
+        log("goal", goal=goal, names=self.names, wanted=self.wanted)
+
+    def look(self) -> SceneEstimate:
+        """A fresh look; names that the detector cannot look for count as not seen.
+
+        Raises:
+            PerceptionError: Nothing can be seen.
+        """
+        names = [n for n in self.names if n not in self._unlookable]
+        try:
+            scene = self._eyes.look(names)
+        except UnknownPhraseError as error:
+            if not names:
+                raise
+            # The error does not say which name it is. What only the goal speaks of is suspected first.
+            self._find_unlookable([n for n in names if n not in self._known] or names, error)
+            return self.look()
+        unlookable = tuple(Unseen(n, r) for n, r in self._unlookable.items())
+        return replace(scene, unseen=(*scene.unseen, *unlookable)) if unlookable else scene
+
+    def _find_unlookable(self, suspects: Sequence[str], error: UnknownPhraseError) -> None:
+        found = {}
+        for name in suspects if len(suspects) > 1 else ():
+            try:
+                self._eyes.look([name])
+            except UnknownPhraseError as alone:
+                found[name] = str(alone)
+        for name, reason in (found or dict.fromkeys(suspects, str(error))).items():
+            self._unlookable[name] = reason
+            self._log("unlookable", name=name, reason=reason)
+
+    def missing(self, scene: SceneEstimate) -> tuple[str, ...]:
+        """What the goal speaks of and nothing in view can be; as names."""
+        return tuple(name for name, means in self._meanings.items() if not set(means) & set(scene.names))
+
+    def missing_sentence(self, scene: SceneEstimate) -> str:
+        """What is missing and what is there, for people."""
+        missing = [n.replace("_", " ") for n in self.missing(scene)]
+        seen = ", ".join(n.replace("_", " ") for n in scene.names) or "nothing"
+        return f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not in view; in view: {seen}"
