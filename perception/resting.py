@@ -13,8 +13,8 @@ from perception.support import SupportPlane
 
 FAR_BELOW = 0.10  # a hidden lower end longer than this in [m] more likely rests on something that nobody named
 
-# A side seen so steeply that it is a few pixels wide loses up to so much of its foot to the table beyond, in [m].
-FORESHORTENED = 0.04
+# Of a side seen so steeply that its missing foot would be fewer pixels than this nobody can tell whether it is there.
+FORESHORTENED_PX = 10.0
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,13 @@ class LowerEnd:
         hidden: Something nearer covers it, or the picture ends there.
         drops: Beyond it depth falls away: the thing hangs in the air, or its own top hides what is beneath.
         height: Of the points just inside of it in [m]; NaN where unknown.
+        px_per_metre: How many pixels a vertical metre takes there.
     """
 
     hidden: bool
     drops: bool
     height: float
+    px_per_metre: float
 
 
 def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int = 5, step: float = 0.02) -> LowerEnd:
@@ -44,16 +46,18 @@ def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int
     """
     contour = longest_contour(mask)
     if len(contour) < 12:
-        return LowerEnd(True, False, float("nan"))
+        return LowerEnd(True, False, float("nan"), 0.0)
     normals = outward_normals(contour)
-    facing = normals @ _down_in_picture(frame, centre) > 0.6
+    down = _down_in_picture(frame, centre)
+    scale = float(np.linalg.norm(down))
+    facing = normals @ (down / scale if scale > 1.0 else np.array([0.0, 1.0])) > 0.6
     width, height = frame.intrinsics.width, frame.intrinsics.height
     edge, normals = contour[facing], normals[facing]
     if len(edge) < 3:
-        return LowerEnd(True, False, float("nan"))
+        return LowerEnd(True, False, float("nan"), scale)
     cut = (edge < 2).any(1) | (edge[:, 0] > width - 3) | (edge[:, 1] > height - 3)
     if cut.mean() > 0.5:
-        return LowerEnd(True, False, float("nan"))
+        return LowerEnd(True, False, float("nan"), scale)
     limits = np.array([width - 1, height - 1])
     beyond = np.clip(np.round(edge + reach * normals).astype(int), 0, limits)
     within = np.clip(np.round(edge - 2 * normals).astype(int), 0, limits)
@@ -66,18 +70,16 @@ def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int
     points = world_points(frame, foot)
     low = float(np.median(points[:, 2])) if len(points) >= 3 else float("nan")
     if len(gap) == 0:
-        return LowerEnd(False, False, low)
-    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4), low)
+        return LowerEnd(False, False, low, scale)
+    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4), low, scale)
 
 
 def _down_in_picture(frame: RgbdFrame, centre: np.ndarray) -> np.ndarray:
-    """Direction (u, v) of gravity at a point, unit length; down in the picture where it is seen end on."""
-    pose = frame.world_T_camera
+    """Where gravity points to in the picture at a point: (u, v) in [px] per metre, shape (2,)."""
+    pose, k = frame.world_T_camera, frame.intrinsics
     ends = (np.stack([centre, centre - [0.0, 0.0, 0.01]]) - pose[:3, 3]) @ pose[:3, :3]
-    pixels = ends[:, :2] / np.maximum(ends[:, 2:], 0.02)
-    down = pixels[1] - pixels[0]
-    length = np.linalg.norm(down)
-    return down / length if length > 1e-4 else np.array([0.0, 1.0])
+    pixels = ends[:, :2] / np.maximum(ends[:, 2:], 0.02) * [k.fx, k.fy]
+    return (pixels[1] - pixels[0]) / 0.01
 
 
 def find_bottom(
@@ -116,7 +118,7 @@ def find_bottom(
     top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
     unseen = end.hidden or top_only
     if not unseen and lowest - nearest > tolerance:
-        if end.drops and lowest - nearest < FORESHORTENED:
+        if end.drops and (lowest - nearest) * end.px_per_metre < FORESHORTENED_PX:
             return nearest, 0.5 * (lowest - nearest)  # the outline decides
         return lowest, 0.005 + depth_std
     # A guess beneath a hidden end may be wrong by all that is hidden.
