@@ -154,13 +154,16 @@ def verify_certificate(
 
 def _verify_times(certificate: Certificate, now: float, max_scene_age: float) -> None:
     """Compare so that a time which is not a number is refused, too."""
-    newest = max(certificate.issued, certificate.scene_stamp)
-    if not newest <= now + CLOCK_SLACK:
-        raise RefusedError(
-            "certificate_from_future",
-            f"the certificate or its scene is {newest - now:.1f} s ahead of this robot's clock; take times from the "
-            "robot's states and frames, or set the clocks",
-        )
+    for what, time in (
+        ("certificate", certificate.issued),
+        ("scene that the motion was judged on", certificate.scene_stamp),
+    ):
+        if not time <= now + CLOCK_SLACK:
+            raise RefusedError(
+                "certificate_from_future",
+                f"the {what} is {time - now:.1f} s ahead of this robot's clock; take times from the robot's states and "
+                "frames, or set the clocks",
+            )
     if not now <= certificate.expires:
         raise RefusedError(
             "certificate_expired",

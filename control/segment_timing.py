@@ -29,6 +29,8 @@ MAX_STRETCH = 100.0
 ROUNDS = 5  # of lowering the bounds locally
 GOOD_ENOUGH = 1.004  # a uniform stretch smaller than this is not worth another round
 WORTH_WIDENING = 1.03  # one larger than this is worth trying wider averages
+MOST_LOWERED = 1.5  # factor by which one round lowers speeds at most
+HOPELESS = 10.0  # a stretch above this has no local cause: a uniform stretch it is
 PADDING = 3  # samples of rest on either side: a third difference reaches that far
 # How a quantity falls when time is stretched by k: with 1 / k^order, gravity aside.
 ORDER = {"joint_acceleration": 2, "joint_jerk": 3, "torque": 2, "torque_rate": 3}
@@ -236,12 +238,13 @@ def _lower_where_needed(
     # Wider averages cure torque rates where the acceleration switches, lower bounds cure those of tight corners; so
     # the width that was best without lowering comes first, wider ones only when lowering does not help enough.
     for start in (a for a in plain if a.width >= best.width):
-        if best.stretch < GOOD_ENOUGH:
+        if best.stretch < GOOD_ENOUGH or best.stretch > HOPELESS:
             break
         share = np.full(len(dynamics.s), options.margin)
         attempt = start
         for _ in range(ROUNDS):
-            share = share / _at_grid(dynamics.s, attempt) ** 1.1  # above 1, as averages blend in the neighbourhood
+            # More than what is needed, as averages blend in the neighbourhood; not too much, as it is a first guess.
+            share = share / np.minimum(_at_grid(dynamics.s, attempt) ** 1.1, MOST_LOWERED)
             attempt = _attempt(fastest_time_law(dynamics.bounds(share)), start.width, path, dynamics)
             best = min(best, attempt, key=lambda a: a.duration)
             if attempt.stretch < GOOD_ENOUGH:

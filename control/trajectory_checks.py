@@ -21,6 +21,8 @@ PADDING = 3  # samples of rest on either side: a third difference reaches that f
 ROUNDING = 1e-6
 REST_SPEED = 1e-6  # [rad/s]
 REST_ACCELERATION = 1e-3  # [rad/s^2]
+SPEED_TOLERANCE = 2e-3  # [rad/s]; twice what a jerk of 8000 rad/s^3 does within a millisecond
+ACCELERATION_TOLERANCE = 0.2  # [rad/s^2]
 
 Torque = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 HandPoses = Callable[[np.ndarray], np.ndarray]
@@ -73,7 +75,7 @@ def check_trajectory(
         results.append(_scalar_check("hand_angular_speed", angular, safety.hand_angular_speed, "rad/s"))
     results.append(_rest("starts_at_rest", trajectory, 0))
     results.append(_rest("ends_at_rest", trajectory, n - 1))
-    results.append(_consistency(trajectory, limits))
+    results.append(_consistency(trajectory))
     return tuple(results)
 
 
@@ -157,18 +159,18 @@ def _rest(name: str, trajectory: Trajectory, row: int) -> CheckResult:
     )
 
 
-def _consistency(trajectory: Trajectory, limits: RobotLimits) -> CheckResult:
-    """Whether qd and qdd are the derivatives of q: |x - central difference| as a share of what is allowed.
+def _consistency(trajectory: Trajectory) -> CheckResult:
+    """Whether qd and qdd are derivatives of q.
 
-    One sample of delay is forgiven (backward differences are a usual choice): qd may differ by half a millisecond of
-    the published acceleration, qdd by one millisecond of the published jerk.
+    Central, backward and forward differences are usual choices, and analytic derivatives lie between them: so each
+    value must lie between those differences, widened by a tolerance; reports the distance as a share of it.
     """
-    padded = np.concatenate([trajectory.q[:1], trajectory.q, trajectory.q[-1:]])
-    velocity = (padded[2:] - padded[:-2]) / (2.0 * SAMPLE_TIME)
-    acceleration = (padded[2:] - 2.0 * padded[1:-1] + padded[:-2]) / SAMPLE_TIME**2
+    padded = np.concatenate([np.repeat(trajectory.q[:1], 2, 0), trajectory.q, np.repeat(trajectory.q[-1:], 2, 0)])
+    steps = np.diff(padded, axis=0) / SAMPLE_TIME  # steps[k + 1] leads to sample k
+    turns = np.diff(steps, axis=0) / SAMPLE_TIME  # turns[k + 1] is centred on sample k
     share = np.maximum(
-        np.abs(trajectory.qd - velocity) / (0.5 * SAMPLE_TIME * limits.qdd),
-        np.abs(trajectory.qdd - acceleration) / (SAMPLE_TIME * limits.qddd),
+        _outside(trajectory.qd, steps[1:-2], steps[2:-1]) / SPEED_TOLERANCE,
+        _outside(trajectory.qdd, turns[:-2], turns[1:-1], turns[2:]) / ACCELERATION_TOLERANCE,
     )
     row, joint = np.unravel_index(int(np.argmax(share)), share.shape)
     worst = float(share[row, joint])
@@ -181,3 +183,9 @@ def _consistency(trajectory: Trajectory, limits: RobotLimits) -> CheckResult:
         at=float(row * SAMPLE_TIME),
         bodies=(trajectory.joint_names[joint],),
     )
+
+
+def _outside(values: np.ndarray, *references: np.ndarray) -> np.ndarray:
+    """How far values lie outside the range of the references, element by element."""
+    low, high = np.minimum.reduce(references), np.maximum.reduce(references)
+    return np.maximum(np.maximum(low - values, values - high), 0.0)
