@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.estimates import SceneEstimate
 from perception.pictures import overlay
+from perception.recordings import save_npz
 from replan.episode import Episode
 from replan.film import Film
 
@@ -52,6 +53,8 @@ class CameraEyes:
 
         frames = self._client.frames()
         self.pictures = tuple(frame.colour for frame in frames)
+        # Before perception, so that a frame on which it fails can be looked into.
+        save_npz(self._episode.numbered("look", "npz"), frames)
         scene = self._perception.perceive(frames, names)
         for k, frame in enumerate(frames):
             picture = overlay(frame, scene)

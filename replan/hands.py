@@ -7,7 +7,7 @@ import numpy as np
 
 from control.certificate import Verdict
 from control.certify import issue_certificate, limits_hash
-from control.errors import RefusedError, RetimingError, StoppedError
+from control.errors import RefusedError, RetimingError, StackError, StoppedError
 from control.failure import FailureCause
 from control.kinematics import ArmKinematics
 from control.limits import REST_Q, RobotLimits
@@ -103,10 +103,16 @@ class TwinCheckedHands:
         """
         state = self._client.state()
         held = self._held if state.grasped else None
-        twin = build_twin(self._cell, scene, np.array(state.q_d), state.gripper_width, held)
+        try:
+            twin = build_twin(self._cell, scene, np.array(state.q_d), state.gripper_width, held)
+        except StackError as error:
+            # What was seen cannot stand like that: a reason to look again, not to end the run.
+            return self._failed(FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}"))
         plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics)
         if isinstance(plan, FailureCause):
-            return self._failed(diagnose(twin, spec, plan))
+            cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
+            self.steps += int(cause.evidence.get("steps", 0))
+            return self._failed(cause)
         self.steps += plan.stats.steps
         self._say(f"motion: {plan.description} ({plan.stats.steps} steps, {plan.stats.seconds:.1f} s)")
         self._episode.log("motion", description=plan.description, cost=plan.cost, stats=plan.stats)
@@ -128,7 +134,7 @@ class TwinCheckedHands:
                 self._episode.log("retiming_failed", reason=str(error))
                 cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")
                 continue
-            verdict = judge_trajectory(trajectory, twin, spec, self._safety, self._limits, self._rng)
+            verdict = judge_trajectory(trajectory, twin, spec, self._safety, self._limits, self._rng, robot=self._robot)
             self.steps += verdict.steps
             self._episode.log("verdict", verdict=verdict, duration=trajectory.duration)
             share = f"{verdict.successes}/{verdict.trials} perturbed twins"
@@ -219,5 +225,4 @@ class TwinCheckedHands:
 
     def _failed(self, cause: FailureCause) -> AttemptResult:
         self._episode.log("failure", cause=cause)
-        self._say(f"failed: {cause.kind}: {cause.message}")
         return AttemptResult(ok=False, cause=cause)

@@ -3,8 +3,9 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,8 @@ from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
+
+FREE_PORT = "tcp/127.0.0.1:0"  # the process picks one and says which
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,17 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     """
     if not options.goal.strip():
         raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
-    # Heavy imports happen here, after the first line of progress.
+    from sim_check.cells import load_cell
+
+    # The run plans without the part of a cell file that tells a simulated cell what is really there.
+    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True)).model_copy(update={"simulation": None})
+    with ExitStack() as stack:
+        # A simulated cell builds its world while this process imports what it needs: both take seconds.
+        endpoint = _endpoint(options, say, stack)
+        return _run(options, cell, endpoint, say, on_client)
+
+
+def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunReport:
     from control.limits import panda_limits
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
@@ -108,10 +121,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     from replan.film import Film
     from replan.hands import TwinCheckedHands
     from replan.judge import SeenJudge
-    from sim_check.cells import load_cell
 
-    # The run plans without the part of a cell file that tells a simulated cell what is really there.
-    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True)).model_copy(update={"simulation": None})
     perception = perception_from_options(options.detector, options.segmenter, offline=options.offline)
     reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
@@ -121,8 +131,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
         stack.callback(_write_film, film, episode, options.video, say)
         episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=panda_limits())
         try:
-            endpoint = options.robot or stack.enter_context(_own_simulated_cell(options, say))
-            client: CellClient = stack.enter_context(CellClient.connect(endpoint))
+            client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
             _check_ready(client, options, cell.name)
             if on_client:
                 on_client("before", client)
@@ -177,20 +186,24 @@ def _check_ready(client: "CellClient", options: RunOptions, cell_name: str) -> N
         client.acknowledge()
 
 
-@contextmanager
-def _own_simulated_cell(options: RunOptions, say: Callable[[str], None]) -> Iterator[str]:
-    """Start a simulated cell as a child process on a free port; ended with the run."""
-    from hw_interface.client import start_sim_process
+def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack) -> Callable[[], str]:
+    """Where the robot is; calling the answer waits until a simulated cell that was started here is ready."""
+    if options.robot is not None:
+        robot = options.robot
+        return lambda: robot
+    from hw_interface.process import start_sim_process
 
     say("no robot named: starting a simulated cell (nothing real moves)")
-    command = [sys.executable, "-m", "replan.main", "robot", "sim", "--cell", options.cell]
+    command = [sys.executable, "-m", "replan.main", "robot", "sim", "--cell", options.cell, "--endpoint", FREE_PORT]
     command += ["--seed", str(options.seed), "--speed", str(options.speed)]
     for name in options.cell_options:
         command += ["--option", name]
     if options.score:
         command.append("--score")
-    with start_sim_process(command) as process:
-        yield process.endpoint
+    starter = stack.enter_context(ThreadPoolExecutor(1))
+    starting = starter.submit(start_sim_process, command)
+    stack.callback(lambda: starting.exception() or starting.result().close())
+    return lambda: starting.result().endpoint
 
 
 def _write_film(film, episode, wanted: bool, say: Callable[[str], None]) -> None:
