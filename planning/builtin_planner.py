@@ -63,10 +63,14 @@ def make_plan(fields: Mapping[str, Any]) -> str:
     if not attempts:
         thought = "The goal says what to do"
     elif first_removal:
-        thought = f"{attempts[-1].reason} So I {first_removal} first"
+        thought = f"{_last_sentence(attempts[-1].reason)}, so I {first_removal} first"
     else:
-        thought = f"{attempts[-1].reason} Nothing is known to be in the way, so I try again"
+        thought = f"{_last_sentence(attempts[-1].reason)}, so I try again"
     return _plan_text(thought, steps)
+
+
+def _last_sentence(reason: str) -> str:
+    return reason.rstrip(". ").split(". ")[-1]
 
 
 def _hopeless(attempts: Sequence[FailedAttempt]) -> bool:

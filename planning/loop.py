@@ -224,14 +224,12 @@ class _Run:
         cause, after = self._attempt(spec, scene)
         latest = after or self.sight.look()  # fresh eyes after every motion, whatever came of it
         if cause is None:
-            verdict = self._judged(spec, latest, scene)
-            self.log("judged", action=action, met=verdict is None, term=spec.primary)
-            cause = verdict
+            cause = self._judged(spec, latest, scene)
+            self.say("seen: the step is done" if cause is None else f"seen: not done, {cause.message}")
         if cause is None:
             self.achieved.append(_Achieved(action, spec, scene))
         else:
             self.log("step_failed", action=action, cause=cause)
-            self.say(f"failed: {cause.kind}: {cause.message}")
         return cause, latest
 
     def _attempt(self, spec: RewardSpec, scene: SceneEstimate) -> tuple[FailureCause | None, SceneEstimate | None]:
@@ -258,7 +256,6 @@ class _Run:
         except UnknownObjectError as error:
             return FailureCause("not_seen", term.subject, str(error))
         self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
-        self.say(f"seen: {judgement.text}")
         if judgement.met:
             return None
         return FailureCause("not_achieved", term.subject, judgement.text, evidence={"residual": judgement.residual})
@@ -308,7 +305,8 @@ class _Run:
         parts = []
         for done in self._lasting():
             parts.append(self.judge(done.spec.primary, scene, done.before).text)
-        return "; ".join(parts) or "; ".join(self.observations) or "all steps were done"
+        answers = [o.split("? ", 1)[-1].rstrip(".") for o in self.observations]  # without their questions
+        return "; ".join(parts or answers) or "all steps were done"
 
     def _result(self, reached: bool, reason: str, scene: SceneEstimate) -> GoalResult:
         causes = tuple(s.cause for s in self.steps if s.cause is not None)

@@ -123,7 +123,7 @@ def test_finding_needs_eyes_only_and_tells_where():
     world = World({"apple": "table", "bowl": "table"}, frozenset({"bowl"}))
     result = reach("find the apple", world, names=("apple", "bowl"))
     assert result.reached and world.specs == []
-    assert "apple is in view: box of 50 x 50 x 50 mm, centre at x 0.400" in result.reason
+    assert result.reason.startswith("Yes, apple is in view: box of 50 x 50 x 50 mm, centre at x 0.400")
 
 
 def test_what_cannot_be_found_is_not_reached_and_says_what_is_in_view():
