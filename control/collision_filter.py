@@ -98,6 +98,9 @@ class CollisionFilter:
         near = float(self._thresholds.max()) + 0.002
         moving = np.isin(self._kind, (_Kind.ARM, _Kind.FINGER, _Kind.OBJECT))
         model.geom_margin[:] = np.where(moving, near, 0.0)
+        # The broad phase skips whole bodies by their own margin, the largest of their geoms' at compile time.
+        model.body_margin[:] = 0.0
+        np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin)
         self._arm = [int(model.joint(n).qposadr[0]) for n in ARM_JOINTS]
         self._fingers = [int(model.joint(n).qposadr[0]) for n in FINGER_JOINTS]
         self._tcp = model.site(TCP_SITE).id

@@ -270,7 +270,8 @@ def record_motion(
                 steps.append(k)
                 pairs.append((a, b))
                 forces.append(size)
-    named = spec.names | ({task.subject} if task.subject else set())
+    # What is in the hand moves with it by right.
+    named = spec.names | ({task.subject} if task.subject else set()) | {s.name for s in rollout.commands.held}
     return TwinMotion(
         time=rollout.time[rows],
         tcp=tcp,
