@@ -108,6 +108,18 @@ def test_a_motion_that_starts_with_a_jump_of_speed_is_found():
     assert checks["starts_at_rest"].unit == "rad/s"
 
 
+def test_a_motion_cut_off_in_the_middle_is_a_jerk_at_its_end_whatever_its_derivatives_claim():
+    q = np.array(move().q[:1000])
+    qd, qdd = np.array(move().qd[:1000]), np.array(move().qdd[:1000])
+    qd[-1], qdd[-1] = 0.0, 0.0
+    checks = results(Trajectory(q, qd, qdd))
+    assert {"joint_acceleration", "joint_jerk"} <= broken(checks)
+    assert checks["joint_jerk"].at == pytest.approx(0.999)
+    backwards = results(Trajectory(q[::-1], -qd[::-1], qdd[::-1]))
+    assert {"joint_acceleration", "joint_jerk"} <= broken(backwards)
+    assert backwards["joint_jerk"].at == pytest.approx(0.0, abs=0.002)
+
+
 def test_an_acceleration_at_the_end_is_not_rest():
     trajectory = move()
     qdd = np.array(trajectory.qdd)
