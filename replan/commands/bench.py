@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -37,11 +39,46 @@ class BenchGoals:
 
 
 @dataclass(frozen=True)
+class _BenchScript:
+    """A script of the folder benchmarks/, which prints its own table or JSON."""
+
+    MODULE: ClassVar[str]
+
+    seeds: int = 20
+    """Number of seeds."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", self.MODULE, "--seeds", str(self.seeds)] + ["--json"] * self.json
+        return subprocess.call(command, cwd=Path(__file__).resolve().parents[2])
+
+
+@dataclass(frozen=True)
+class BenchPoses(_BenchScript):
+    """Pose error of the embedded perception against truth over seeded simulated cells."""
+
+    MODULE: ClassVar[str] = "benchmarks.pose_error"
+
+
+@dataclass(frozen=True)
+class BenchRetime(_BenchScript):
+    """Retiming: ratio to the time-optimal bound, limit violations, deviation from the path, compute time."""
+
+    MODULE: ClassVar[str] = "benchmarks.retime"
+
+
+@dataclass(frozen=True)
 class Bench:
-    """Measure: whole goals in the simulated cell."""
+    """Measure: whole goals in the simulated cell, pose errors, retiming."""
 
     name: tyro.conf.OmitSubcommandPrefixes[
-        tyro.conf.OmitArgPrefixes[Annotated[BenchGoals, tyro.conf.subcommand("goals")]]
+        tyro.conf.OmitArgPrefixes[
+            Annotated[BenchGoals, tyro.conf.subcommand("goals")]
+            | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
+            | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
+        ]
     ]
 
     @property
