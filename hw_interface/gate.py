@@ -1,5 +1,6 @@
 """The gate: what a trajectory must show before a robot plays it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,8 @@ class Gate:
         robot_limits: Published limits of the robot.
         safety: The safety table of the cell.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
+        torque: (q, qd, qdd), each (n, 7), -> joint torques in [Nm], (n, 7); None leaves torques to the certificate.
+        tcp: q (n, 7) -> poses of the tool centre point, (n, 4, 4); None leaves hand speeds to the certificate.
     """
 
     profile: str
@@ -36,6 +39,8 @@ class Gate:
     robot_limits: RobotLimits
     safety: SafetyLimits
     max_scene_age: float = 300.0
+    torque: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
+    tcp: Callable[[np.ndarray], np.ndarray] | None = None
 
     def check(
         self,
@@ -68,7 +73,8 @@ class Gate:
             self.max_scene_age,
         )
         assert certificate is not None
-        broken = [c for c in check_trajectory(trajectory, self.robot_limits, self.safety) if not c.ok]
+        checks = check_trajectory(trajectory, self.robot_limits, self.safety, self.torque, self.tcp)
+        broken = [c for c in checks if not c.ok]
         if broken:
             c = broken[0]
             where = f" at {c.at:.3f} s" if c.at is not None else ""

@@ -1,6 +1,7 @@
 """A simulated cell as a process: world, driver and node in one loop. It alone knows the truth of its world."""
 
 import time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -51,6 +52,8 @@ def run_sim_cell(
     endpoint: str = DEFAULT_ENDPOINT,
     speed: float = 1.0,
     max_scene_age: float = 300.0,
+    torque: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None,
+    tcp: Callable[[np.ndarray], np.ndarray] | None = None,
     supervision: SupervisionLimits | None = None,
     score: bool = False,
     parent_pid: int | None = None,
@@ -65,6 +68,7 @@ def run_sim_cell(
         endpoint: Where to listen; port 0 picks a free one (see the ready line).
         speed: Robot time per wall time while moving, 0 = as fast as possible.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
+        torque, tcp: Robot model for the driver's own checks, see `hw_interface.gate.Gate`.
         supervision: Where the driver stops by itself.
         score: Offer the true object poses to a scorer.
         parent_pid: End when this process has ended.
@@ -74,7 +78,7 @@ def run_sim_cell(
         ConfigError: Endpoint, port, speed or world are not valid.
     """
     backend = SimBackend(world.model, world.data)
-    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age)
+    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age, torque, tcp)
     driver = Driver(backend, gate, cell_name, supervision)
 
     def take_frame(camera: str) -> RgbdFrame:

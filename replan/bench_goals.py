@@ -82,6 +82,8 @@ class GoalScore:
     steps: list[int] = field(default_factory=list)
     replans: list[int] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
+    violations: list[int] = field(default_factory=list)
+    trajectories: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Counts and medians."""
@@ -92,6 +94,8 @@ class GoalScore:
             "median_wall_s": round(statistics.median(self.wall_s), 2),
             "median_steps": int(statistics.median(self.steps)),
             "median_replans": statistics.median(self.replans),
+            "trajectories": self.trajectories,
+            "limit_violations": sum(self.violations),
             "failures": {k: r for k, (ok, r) in enumerate(zip(self.success, self.reasons, strict=True)) if not ok},
         }
 
@@ -109,12 +113,13 @@ class BenchReport:
 
     def as_text(self) -> str:
         """As a table."""
-        lines = [f"{'goal':24} {'success':>9} {'claimed':>8} {'median s':>9} {'median steps':>13} {'replans':>8}"]
+        head = ("goal", "success", "claimed", "median s", "median steps", "replans", "violations")
+        lines = ["{:24} {:>9} {:>8} {:>9} {:>13} {:>8} {:>11}".format(*head)]
         for name, score in self.goals.items():
             s = score.as_json()
             lines.append(
                 f"{name:24} {s['success']:>4}/{s['runs']:<4} {s['claimed']:>8} {s['median_wall_s']:>9} "
-                f"{s['median_steps']:>13} {s['median_replans']:>8}"
+                f"{s['median_steps']:>13} {s['median_replans']:>8} {s['limit_violations']:>4}/{s['trajectories']:<6}"
             )
             lines += [f"    seed {seed}: {reason}" for seed, reason in s["failures"].items()]
         return "\n".join(lines)
@@ -147,6 +152,24 @@ def bench_goals(
     return BenchReport(scores, speed)
 
 
+def _limit_checks(folder: Path, cell: str) -> list[int]:
+    """Limits broken by each trajectory that a run sent, by the checker that shares no code with the retimer."""
+    from control.limits import panda_limits
+    from control.robot import RobotModel
+    from control.trajectory import Trajectory
+    from control.trajectory_checks import check_trajectory
+    from sim_check.cells import load_cell
+
+    robot, safety = RobotModel.panda(), load_cell(cell).safety_limits()
+    broken = []
+    for file in sorted(folder.glob("trajectory_*.npz")):
+        with np.load(file) as arrays:
+            trajectory = Trajectory(arrays["q"], arrays["qd"], arrays["qdd"])
+        checks = check_trajectory(trajectory, panda_limits(), safety, robot.torque, robot.tcp_poses)
+        broken.append(sum(not c.ok for c in checks))
+    return broken
+
+
 def _run_once(goal: BenchGoal, seed: int, speed: float, runs_dir: Path, score: GoalScore) -> None:
     truth: dict[str, Poses] = {}
     started = time.monotonic()
@@ -161,6 +184,7 @@ def _run_once(goal: BenchGoal, seed: int, speed: float, runs_dir: Path, score: G
         score.claimed.append(False)
         score.wall_s.append(time.monotonic() - started)
         score.steps.append(0)
+        score.violations.append(0)
         score.replans.append(0)
         score.reasons.append(f"{type(error).__name__}: {error}")
         return
@@ -169,6 +193,9 @@ def _run_once(goal: BenchGoal, seed: int, speed: float, runs_dir: Path, score: G
         n for n in before if n not in goal.names and np.linalg.norm(after[n][:3, 3] - before[n][:3, 3]) > UNTOUCHED
     ]
     reached = goal.scorer(before, after)
+    sent = _limit_checks(report.folder, goal.cell)
+    score.trajectories += len(sent)
+    score.violations.append(sum(sent))
     score.success.append(reached and not disturbed)
     score.claimed.append(report.reached)
     score.wall_s.append(report.seconds)

@@ -10,7 +10,6 @@ PACKAGES = {
     "mujoco": "twin and simulated cell",
     "pin": "robot dynamics",
     "toppra": "retiming",
-    "ruckig": "state-to-state moves",
     "eclipse-zenoh": "transport",
     "opencv-python-headless": "embedded detector and masks",
     "open3d": "point clouds",
@@ -83,7 +82,7 @@ def examine(robot_endpoint: str) -> Findings:
 
 
 def _package(name: str, use: str) -> Finding:
-    needed = name not in ("torch", "transformers", "ruckig")
+    needed = name not in ("torch", "transformers")
     try:
         return Finding("package", name, True, f"{importlib.metadata.version(name)} ({use})", needed)
     except importlib.metadata.PackageNotFoundError:

@@ -151,7 +151,8 @@ class TwinCheckedHands:
                 "unsafe",
                 spec.primary.subject,
                 f"the motion was refused in the twin: {why}",
-                bodies=failed[0].bodies if failed else (),
+                # Joint checks name joints there; only objects are anything to reason about.
+                bodies=tuple(b for b in failed[0].bodies if twin.get(b)) if failed else (),
                 check=failed[0].name if failed else "success_rate",
             )
         assert cause is not None  # a plan has at least one path
@@ -179,8 +180,9 @@ class TwinCheckedHands:
             self._episode.log("refused", code=error.code, reason=str(error))
             return self._failed(FailureCause("refused_by_robot", spec.primary.subject, str(error), check=error.code))
         self._record(report)
-        last_held = trajectory.segments[-1].held if trajectory.segments else None
-        self._held = last_held if report.final_state.grasped else None
+        # A motion may end with something in the hand (a lift); the last thing held is what the gripper still feels.
+        held = next((s.held for s in reversed(trajectory.segments) if s.held), None)
+        self._held = held if report.final_state.grasped else None
         if not report.completed:
             kind = "lost_grasp" if report.reason == "lost_grasp" else "tracking_error"
             cause = FailureCause(kind, spec.primary.subject, report.detail, check=report.reason)

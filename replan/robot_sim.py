@@ -15,13 +15,14 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     """
     from control.certify import limits_hash
     from control.limits import panda_limits
+    from control.robot import RobotModel
     from hw_interface.sim_cell import run_sim_cell
     from sim_check.cells import load_cell
     from sim_check.world import build_world
 
     cell = load_cell(options.cell, dict.fromkeys(options.option, True))
     world = build_world(cell, options.seed)
-    limits, safety = panda_limits(), cell.safety_limits()
+    limits, safety, robot = panda_limits(), cell.safety_limits(), RobotModel.panda()
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
         world,
@@ -32,6 +33,8 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
         safety=safety,
         endpoint=options.endpoint,
         speed=options.speed,
+        torque=robot.torque,
+        tcp=robot.tcp_poses,
         score=options.score,
         parent_pid=options.parent_pid,
     )
