@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-FILM_RATE = 5.0  # pictures a second of robot time; software rendering of more would slow a simulated cell down
+FILM_RATE = 3.0  # pictures a second of robot time; software rendering of more would slow a simulated cell down
 TILE_WIDTH = 480  # [px]
 CAPTION_HEIGHT = 26  # [px]
 
