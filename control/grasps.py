@@ -15,8 +15,12 @@ from control.safety import SafetyLimits
 MAX_OPENING = 0.08  # [m] between the pads of the Franka hand
 PITCHES = np.radians([90.0, 75.0, 60.0, 45.0, 32.0, 25.0])
 ROUND_AZIMUTHS = 12
-FINGER_BEYOND_TCP = 0.0095  # [m] that the fingertips reach past the tool centre point (Franka hand)
-FINGER_DEPTH = 0.034  # [m] of the fingers that is free in front of the hand's palm, less a few mm of room
+FINGERTIP = 0.0095  # [m] that the fingertips reach past the tool centre point (Franka hand)
+PALM_ROOM = 0.030  # [m] from the tool centre point to 7 mm in front of the palm (Franka hand: 37 mm to the palm)
+LEAST_HOLD = 0.010  # [m] of the object that lies between the pads at least
+SHALLOWER = 0.010  # [m]: a second, shallower grasp keeps the hand further from what stands beside the object
+ABOVE_TABLE = 0.004  # [m] of room under the fingertips, for errors of perceived heights
+TALL = 0.03  # half height in [m] from which grasps further up are offered
 LEVEL = 0.35  # largest vertical part of a width direction: fingers close about horizontally
 
 
@@ -118,19 +122,31 @@ def _approach(closing: np.ndarray, pitch: float) -> np.ndarray:
 def _points(
     body: PosedObject, approach: np.ndarray, closing: np.ndarray, safety: SafetyLimits, support_height: float
 ) -> list[np.ndarray]:
-    """Places of the tool centre point: along the object's length, as deep as fingers, hand and table allow."""
+    """Places of the tool centre point: along the object's length, as deep as fingers, palm and table allow."""
     side = np.array([-closing[1], closing[0], 0.0])
-    half = np.asarray(body.extents) / 2
-    along = float(np.abs(body.pose[:3, :3].T @ side) @ half) if body.shape == "box" else float(half.max())
+    along = _support(body, side)
     shifts = [0.0] if along < 0.04 or body.shape != "box" else [0.0, 0.5 * along, -0.5 * along]
-    # The fingertips stay above the table; the palm stays above the object's top.
-    dip = abs(approach[2]) * FINGER_BEYOND_TCP + (1 - abs(approach[2])) * FINGER_BEYOND_TCP
-    lowest = support_height + dip + safety.finger_clearance + 0.004
-    low = max(lowest, body.top - FINGER_DEPTH) if abs(approach[2]) > 0.7 else lowest
-    centre = float(body.position[2])
-    heights = {round(max(centre, low), 4)}
-    if body.half_height > 0.03:  # a tall thing can be held higher up as well
-        heights.add(round(max(low, body.top - 0.02), 4))
-        heights.add(round(max(low, 0.5 * (centre + body.top - 0.02)), 4))
-    heights = {h for h in heights if h <= body.top - 0.006}
-    return [np.array([*(body.position[:2] + s * side[:2]), h]) for s in shifts for h in sorted(heights)]
+    depth = _support(body, approach)  # from the middle to the surface that the hand comes to
+    shallow = max(0.0, depth - PALM_ROOM)
+    backs = {shallow, min(shallow + SHALLOWER, max(shallow, depth - LEAST_HOLD))}
+    lowest = support_height + FINGERTIP + safety.finger_clearance + ABOVE_TABLE
+    points = [body.position - back * approach for back in sorted(backs)]
+    if body.half_height > TALL:  # a tall thing can be held higher up as well
+        top = body.top - LEAST_HOLD - FINGERTIP
+        points += [
+            np.array([*body.position[:2], body.position[2] + share * (top - body.position[2])]) for share in (0.5, 1)
+        ]
+    out = []
+    for point in points:
+        height = max(float(point[2]), lowest)
+        if height <= body.top - LEAST_HOLD:
+            out += [np.array([*(point[:2] + s * side[:2]), height]) for s in shifts]
+    return out
+
+
+def _support(body: PosedObject, direction: np.ndarray) -> float:
+    """Distance in [m] from an object's centre to its furthest point along a direction."""
+    half = np.asarray(body.extents) / 2
+    if body.shape == "sphere":
+        return float(half.max())
+    return float(np.abs(body.pose[:3, :3].T @ direction) @ half)

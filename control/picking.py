@@ -14,6 +14,7 @@ from control.workbench import Workbench, straight_targets
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
 LIFT = 0.06  # [m] straight up after a grasp, and straight down before a release
 SPARE_OPENING = 0.022  # [m] that fingers open beyond an object where they cannot open fully
+ASIDE_WEIGHT = 20.0  # [rad/m], of a grasp off the object's middle
 SLOW, MEDIUM = 0.4, 0.7  # shares of the allowed speed near contacts
 
 
@@ -147,7 +148,8 @@ def _first_opening(bench: Workbench, q: np.ndarray, outwards: np.ndarray, width:
 
 
 def _effort(bench: Workbench, grasp: ReadyGrasp) -> float:
-    """Joint motion from the start, a little of it from rest, and a preference for steep hands, in [rad]."""
+    """Joint motion from the start and a little from rest in [rad]; steep hands and central grasps are preferred."""
     tilt = 0.0 if grasp.grasp is None else np.pi / 2 - grasp.grasp.pitch
+    aside = float(np.linalg.norm(grasp.held.tcp_T_object[:3, 3]))
     near, rest = np.abs(grasp.q - bench.start_q).max(), np.abs(grasp.q - REST_Q).max()
-    return float(near + 0.2 * rest + 0.3 * tilt)
+    return float(near + 0.2 * rest + 0.3 * tilt + ASIDE_WEIGHT * aside)

@@ -1,7 +1,10 @@
 """When a reward term counts as met, on exact and on noisily perceived scenes."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from control.errors import RewardSpecError, UnknownObjectError
 from control.goal_predicates import PosedObject, judge_term
@@ -11,14 +14,14 @@ PALM, REST = np.array([0.3, 0.0, 0.5]), np.array([0.307, 0.0, 0.48])
 CUBE, CRATE = (0.05, 0.05, 0.05), (0.11, 0.11, 0.06)
 
 
-def thing(name, position, extents, shape="box", yaw=0.0, **container):
+def thing(name, position, extents, shape: Literal["box", "cylinder", "sphere"] = "box", yaw=0.0, **container):
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
     pose[:3, 3] = position
     return PosedObject(name, pose, np.array(extents, float), shape, **container)
 
 
-def judge(term, *things, palm=PALM, start=None):
+def judge(term, *things, palm: ArrayLike = PALM, start=None):
     started = None if start is None else {t.name: t for t in start}
     return judge_term(term, {t.name: t for t in things}, np.asarray(palm), REST, started)
 

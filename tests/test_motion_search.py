@@ -1,11 +1,13 @@
 """Motions are found for each kind of subtask, the same every time, and refusals say why."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import mujoco
 import numpy as np
 import pytest
 
+from control.candidates import candidates
 from control.collision_filter import CollisionFilter, Phase
 from control.errors import RewardSpecError
 from control.failure import FailureCause
@@ -13,10 +15,12 @@ from control.grasps import MAX_OPENING, grasps
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
+from control.refinement import vary
 from control.rollouts import commands_for, roll_out
 from control.safety import SafetyLimits
-from control.subtasks import posed_objects
+from control.subtasks import posed_objects, read_subtask
 from control.transits import rrt_connect, transit
+from control.workbench import Workbench
 from tests.motion_scenes import CRATE, CUBE, arm, blocked, cubes, fruit, hand_at, only, red_on_crate, twin_of
 from tests.sim_scenes import estimate
 
@@ -45,7 +49,7 @@ def test_a_cube_is_put_on_the_crate_and_the_arm_comes_home():
     assert names == ["reach", "approach", "lift", "carry", "lower", "retreat", "home"]
     np.testing.assert_allclose(plan.path.segments[0].q[0], cubes().q)
     np.testing.assert_allclose(plan.path.segments[-1].q[-1], REST_Q)
-    for before, after in zip(plan.path.segments, plan.path.segments[1:], strict=False):
+    for before, after in pairwise(plan.path.segments):
         np.testing.assert_allclose(before.q[-1], after.q[0], atol=1e-9)
     assert [s.gripper.kind for s in plan.path.segments if s.gripper] == ["grasp", "move"]
     assert plan.stats.steps < 15000 and plan.stats.counts["clean"] >= 1
@@ -166,3 +170,18 @@ def test_a_planner_finds_a_way_around_where_the_straight_one_is_obstructed():
     np.testing.assert_array_equal(path[[0, -1]], [start, end])
     assert np.abs(np.diff(path, axis=0)).max() < 0.06
     assert rrt_connect(start, end, lambda q: abs(q[0]) > 0.2, limits, rng, budget=500) is None
+
+
+def test_variants_of_a_motion_stay_in_one_piece_and_start_where_the_arm_is():
+    spec = red_on_crate()
+    bench = Workbench(cubes(), read_subtask(spec), SAFETY, panda_limits(), arm(), np.random.default_rng(0))
+    first = next(candidates(bench))
+    varied = vary(bench, [first], 4)
+    assert len(varied) == 4
+    for variant in varied:
+        np.testing.assert_allclose(variant.segments[0].q[0], cubes().q, atol=1e-9)
+        np.testing.assert_allclose(variant.segments[-1].q[-1], REST_Q, atol=1e-9)
+        for before, after in pairwise(variant.segments):
+            np.testing.assert_allclose(before.q[-1], after.q[0], atol=1e-9)
+        grasped, was = (arm().poses(c.segments[1].q[-1:])[0, :3, 3] for c in (variant, first))
+        assert 0.0005 < np.linalg.norm(grasped - was) < 0.04

@@ -96,7 +96,7 @@ def slipped():
 def lacking(part):
     near = {name: np.full(2, -0.01) for name in ("arm", "finger", "held")}
     near[part] = np.array([-0.01, 0.004])
-    names = dict.fromkeys(near, ("vase", "vase"))
+    names: dict[str, tuple[str, ...]] = dict.fromkeys(near, ("vase", "vase"))
     return replace(
         quiet(), clearances=Clearances(np.array([100, 200]), near, names), held=(HeldSpan("crate", 150, 151),)
     )
