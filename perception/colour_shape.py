@@ -27,6 +27,8 @@ class ColourShapeSettings:
         min_area_px: Smallest blob in [px].
         clearance: How far above the support a pixel must be to count as a thing in [m].
         depth_step: Blobs are cut where depth jumps by more than this in [m].
+        doubt_px: A blob this long has half the score of a large one: its outline is known to a pixel or two only.
+        foot_px: How far a piece may grow into low pixels of its colour, which may be its foot, in [px].
         bridge_px: Gaps up to this wide inside one thing (slats, shading lines) are closed in [px].
     """
 
@@ -34,6 +36,8 @@ class ColourShapeSettings:
     min_area_px: int = 60
     clearance: float = 0.006
     depth_step: float = 0.04
+    doubt_px: float = 6.0
+    foot_px: int = 5
     bridge_px: int = 5
 
 
@@ -66,7 +70,10 @@ class ColourShapeDetector:
     def _find(self, picture: "_Picture", query: Query) -> list[Detection]:
         found = []
         for colour in query.colours:
-            for blob in self._blobs(colour.matches(picture.hsv) & picture.things, picture.steps):
+            pixels = colour.matches(picture.hsv)
+            # A grey foot cannot be told from a grey table, a red one can.
+            reach = pixels if colour.word in CHROMATIC else pixels & picture.things
+            for blob in self._blobs(pixels & picture.things, reach, picture.steps):
                 score = self._score(picture, blob, query.look, colour)
                 if score >= self.settings.threshold:
                     y, x = np.nonzero(blob)
@@ -74,10 +81,17 @@ class ColourShapeDetector:
                     found.append(Detection(query.phrase, box, score, blob))
         return found
 
-    def _blobs(self, pixels: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
-        """Connected pieces of a colour, cut at depth steps, each bool, shape (height, width)."""
+    def _blobs(self, pixels: np.ndarray, reach: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
+        """Connected pieces of a colour, cut at depth steps, each bool, shape (height, width).
+
+        Args:
+            pixels: Of the colour and above the support, bool, shape (height, width).
+            reach: Pixels that a piece may grow into by a few pixels, bool, same shape: its foot and its edges.
+            steps: Pixels beside a depth step, bool, same shape.
+        """
         size = self.settings.bridge_px
         whole = cv2.morphologyEx(pixels.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        reach_open = cv2.morphologyEx(reach.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
         # Cut first, close afterwards: closing must not join two things across the step between them.
         core = np.where(steps, 0, whole).astype(np.uint8)
         core = cv2.morphologyEx(core, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
@@ -86,19 +100,21 @@ class ColourShapeDetector:
         for i in range(1, count):
             if stats[i, cv2.CC_STAT_AREA] < self.settings.min_area_px:
                 continue
-            # The pixels beside a step go back to the piece that they touch.
-            grown = cv2.dilate((labels == i).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-            blob = grown & (whole > 0) & ((labels == i) | (labels == 0))
+            # The pixels beside a step go back to the piece that they touch, and the foot joins it.
+            side = 2 * self.settings.foot_px + 1
+            grown = cv2.dilate((labels == i).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+            blob = grown & reach_open & ((labels == i) | (labels == 0))
             if blob.sum() >= self.settings.min_area_px:
                 blobs.append(blob)
         return blobs
 
     def _score(self, picture: "_Picture", blob: np.ndarray, look: Look, colour: Colour) -> float:
-        """How much a blob looks like the noun, 0..1: product of filling, outline and size."""
+        """How much a blob looks like the noun, 0..1: product of filling, outline, certainty and size."""
         outline = measure_outline(blob, picture.depth)
         if outline is None:
             return 0.0
         score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
+        score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
         known = blob & np.isfinite(picture.depth)
         if known.sum() >= 20:
             distance = float(np.median(picture.depth[known]))

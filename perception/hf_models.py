@@ -6,6 +6,7 @@ They are loaded at first use and once per process. Nothing heavy is imported bef
 
 import functools
 import importlib
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,7 @@ class TransformersDetector:
         """
         if not phrases:
             return []
-        torch = _package("torch")
+        torch = load_package("torch")
         processor, model = _load_detector(self.model, self.offline)
         found: list[Detection] = []
         limit = int(getattr(model.config, "max_text_len", 256))
@@ -111,7 +112,7 @@ class TransformersSegmenter:
         Raises:
             ModelUnavailableError: The weights or packages are not on this machine, or are of another kind.
         """
-        torch = _package("torch")
+        torch = load_package("torch")
         processor, model = _load_segmenter(self.model, self.offline)
         if processor is None:
             return self._segment_sam2(frame, box_px, torch, model)
@@ -187,7 +188,7 @@ def _corner_boxes(boxes: np.ndarray, frame: RgbdFrame) -> np.ndarray:
 
 @functools.lru_cache(maxsize=4)
 def _load_detector(model: str, offline: bool) -> tuple[Any, Any]:
-    transformers = _package("transformers")
+    transformers = load_package("transformers")
 
     def load(local: bool) -> tuple[Any, Any]:
         processor = transformers.AutoProcessor.from_pretrained(model, local_files_only=local)
@@ -199,7 +200,7 @@ def _load_detector(model: str, offline: bool) -> tuple[Any, Any]:
 
 @functools.lru_cache(maxsize=4)
 def _load_segmenter(model: str, offline: bool) -> tuple[Any, Any]:
-    transformers = _package("transformers")
+    transformers = load_package("transformers")
 
     def load(local: bool) -> tuple[Any, Any]:
         kind = transformers.AutoConfig.from_pretrained(model, local_files_only=local).model_type
@@ -219,7 +220,7 @@ def _ready(model: str, kind: str, load: Callable[[bool], tuple[Any, Any]], offli
     Raises:
         ModelUnavailableError: With the command that fetches the weights, or what is wrong with them.
     """
-    torch = _package("torch")
+    torch = load_package("torch")
     is_folder = Path(model).expanduser().is_dir()
     if not is_folder and (model.startswith((".", "/", "~")) or model.count("/") != 1):
         raise ModelUnavailableError(
@@ -245,7 +246,16 @@ def _ready(model: str, kind: str, load: Callable[[bool], tuple[Any, Any]], offli
     return processor, network.to(device=device, dtype=torch.float32).eval()
 
 
-def _package(name: str) -> Any:
+def load_package(name: str) -> Any:
+    """Import torch or transformers, without triton.
+
+    Triton carries an LLVM of its own that crashes the process when OpenGL in software (Mesa, which carries another) was
+    loaded before it, as it is where MuJoCo renders without a GPU. Running a model eagerly does not need triton.
+
+    Raises:
+        ModelUnavailableError: The package is not installed.
+    """
+    sys.modules.setdefault("triton", None)  # type: ignore[arg-type]
     try:
         return importlib.import_module(name)
     except ImportError as error:

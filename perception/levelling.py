@@ -6,6 +6,8 @@ from perception.cloud import back_project
 from perception.errors import FrameError
 from perception.frames import CameraIntrinsics
 
+MOST_SAMPLES = 6000
+
 
 def camera_above_plane(
     depth: np.ndarray, intrinsics: CameraIntrinsics, seed: int = 0, inlier: float = 0.008, tries: int = 300
@@ -30,7 +32,8 @@ def camera_above_plane(
         FrameError: No plane holds a tenth of the known depths.
     """
     grid = np.zeros(depth.shape, bool)
-    grid[::6, ::6] = True
+    stride = max(1, round(np.sqrt(depth.size / MOST_SAMPLES)))
+    grid[::stride, ::stride] = True
     points = back_project(depth, grid & np.isfinite(depth) & (depth > 0), intrinsics)
     if len(points) < 100:
         raise FrameError(

@@ -75,6 +75,7 @@ class Look:
         outline: Shape of the outline in the picture.
         size: (lowest, highest) of the longest visible side in [m].
         solid: Solid to fit to its points.
+        equal_sides: Whether the word says that it is as long as wide as high.
     """
 
     noun: str
@@ -82,15 +83,16 @@ class Look:
     outline: Outline
     size: tuple[float, float]
     solid: Shape
+    equal_sides: bool = False
 
 
 LOOKS: dict[str, Look] = {
     look.noun: look
     for look in (
-        Look("cube", CHROMATIC, "angular", (0.02, 0.12), "box"),
+        Look("cube", CHROMATIC, "angular", (0.02, 0.12), "box", equal_sides=True),
         Look("block", CHROMATIC, "angular", (0.02, 0.20), "box"),
         Look("box", CHROMATIC, "angular", (0.03, 0.50), "box"),
-        Look("crate", ("brown",), "angular", (0.10, 0.60), "box"),
+        Look("crate", ("brown",), "angular", (0.08, 0.60), "box"),
         Look("bar", CHROMATIC, "elongated", (0.08, 0.60), "box"),
         Look("apple", ("red", "green"), "round", (0.045, 0.11), "sphere"),
         Look("orange", ("orange",), "round", (0.045, 0.11), "sphere"),
@@ -99,6 +101,7 @@ LOOKS: dict[str, Look] = {
         Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
         Look("bowl", ("blue", "white", "cyan", "green", "orange"), "round", (0.08, 0.32), "cylinder"),
         Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder"),
+        Look("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
         Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder"),
         Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder"),
     )
@@ -144,9 +147,9 @@ def parse_phrase(phrase: str) -> Query:
     return Query(phrase, colours or tuple(COLOURS[c] for c in look.colours), look)
 
 
-def solid_for(phrase: str) -> Shape:
-    """Solid to fit to the thing that a phrase names; "box" for nouns that the table lacks."""
+def look_of(phrase: str) -> Look:
+    """What the thing that a phrase names looks like; `ANY_THING` for nouns that the table lacks."""
     try:
-        return parse_phrase(phrase).look.solid
+        return parse_phrase(phrase).look
     except UnknownPhraseError:
-        return "box"
+        return ANY_THING

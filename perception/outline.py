@@ -96,10 +96,10 @@ def _ellipse_residual(points: np.ndarray) -> float:
     return float(np.sqrt(np.mean(off**2)))
 
 
-def _polygon_residual(points: np.ndarray, hull: np.ndarray, sides: int = 6) -> float:
-    """RMS distance of points to the smallest polygon of `sides` sides around the hull in [px], its offset removed.
+def _polygon_residual(points: np.ndarray, hull: np.ndarray, sides: int) -> float:
+    """Spread of the distances of points to the smallest polygon of `sides` sides around the hull, in [px].
 
-    A box shows at most six edges from anywhere.
+    The spread, not the size: the polygon lies around noisy points.
     """
     if len(hull) > sides:
         polygon = cv2.approxPolyN(hull.reshape(-1, 1, 2).astype(np.int32), sides).reshape(-1, 2).astype(float)
@@ -109,7 +109,7 @@ def _polygon_residual(points: np.ndarray, hull: np.ndarray, sides: int = 6) -> f
     length2 = np.maximum((edge**2).sum(1), 1e-9)
     along = np.clip(((points[:, None] - start) * edge).sum(-1) / length2, 0.0, 1.0)
     distance = np.linalg.norm(points[:, None] - (start + along[..., None] * edge), axis=-1).min(1)
-    return float(np.sqrt(np.mean(distance**2)))
+    return float(np.std(distance))
 
 
 def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: float = 0.012) -> Outline | None:
@@ -124,8 +124,8 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     if len(contour) < 12:
         return None
     hull = cv2.convexHull(contour.reshape(-1, 1, 2)).reshape(-1, 2)
-    (_, _), sides, _ = cv2.minAreaRect(hull.reshape(-1, 1, 2))
-    long_px, short_px = max(sides) + 1.0, min(sides) + 1.0
+    (_, _), spans, _ = cv2.minAreaRect(hull.reshape(-1, 1, 2))
+    long_px, short_px = max(spans) + 1.0, min(spans) + 1.0
     hull_area = float(cv2.contourArea(hull.reshape(-1, 1, 2).astype(np.float32))) + len(contour) / 2
     own = own_outline(contour, blob, depth, nearer)
     # Dents of the outline (a stem, a missing pixel) belong to neither an ellipse nor a box: keep what is on the hull.
@@ -133,12 +133,15 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     free = contour[own & (off_hull < max(1.5, 0.04 * short_px))].astype(float)
     if len(free) < 12:
         return Outline(0.5, long_px / short_px, long_px, min(1.0, blob.sum() / hull_area), float(own.mean()))
-    ellipse, polygon = _ellipse_residual(free), _polygon_residual(free, hull)
+    # A box shows at most six edges from anywhere, of a half-hidden one three and the edge of what hides it.
+    share = float(own.mean())
+    sides = 6 if share > 0.95 else int(np.clip(round(6 * share) + 1, 4, 6))
+    ellipse, polygon = _ellipse_residual(free), _polygon_residual(free, hull, sides)
     # Half a pixel of grid noise on both sides keeps tiny blobs undecided instead of sure.
     ratio = (polygon + 0.15) / (polygon + ellipse + 0.3) if np.isfinite(ellipse) else 0.0
-    roundness = float(np.clip((ratio - 0.35) / 0.30, 0.0, 1.0))
+    roundness = float(np.clip((ratio - 0.50) / 0.16, 0.0, 1.0))
     fill = min(1.0, float(blob.sum()) / hull_area)
-    return Outline(roundness, long_px / short_px, long_px, fill, float(own.mean()))
+    return Outline(roundness, long_px / short_px, long_px, fill, share)
 
 
 def own_outline_pixels(

@@ -10,7 +10,7 @@ from perception.errors import FrameError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection, Detector, Segmenter
-from perception.looks import solid_for
+from perception.looks import look_of
 from perception.merging import merge
 from perception.nms import suppress
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
@@ -128,8 +128,10 @@ class Perception:
             above = np.zeros_like(cloud.mask)
             for other in upwards[i + 1 :]:
                 above |= clouds[other].mask
-            shape = solid_for(best[name].phrase)
-            fitted = fit_solid(frame, cloud, shape, support, solids, self.settings, above)
+            look = look_of(best[name].phrase)
+            fitted = fit_solid(
+                frame, cloud, look.solid, support, solids, self.settings, above, equal_sides=look.equal_sides
+            )
             solids.append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock

@@ -100,6 +100,7 @@ def fit_solid(
     others: Sequence[Solid],
     settings: PoseSettings,
     covering: np.ndarray | None = None,
+    equal_sides: bool = False,
 ) -> Refined:
     """Solid of the given shape that rests on the table or on one of the others, with its spread.
 
@@ -111,6 +112,7 @@ def fit_solid(
         others: Solids already fitted, one of which may carry the thing.
         settings: Of the estimate.
         covering: Pixels of things that stand higher and may hide it, bool, shape (height, width), or None.
+        equal_sides: Whether the thing is known to be as long as wide as high.
     """
     bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std, _around(frame, cloud))
     if shape == "sphere":
@@ -123,7 +125,7 @@ def fit_solid(
     else:
         first = fit_box(cloud.points, bottom[0], cloud.depth_std)
     patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
-    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering)
+    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering, equal_sides)
     return refine(first, seen)
 
 

@@ -20,6 +20,7 @@ from perception.outline import own_outline_pixels
 from perception.solids import Solid
 
 OUTLINE_STD_PX = 1.0  # how well a mask's edge is known
+EQUAL_SIDES_STD = 0.004  # how unequal the sides of what people call a cube are, in [m]
 SYSTEMATIC_STD = 0.0008  # what calibration and sampling leave, in [m]
 
 
@@ -36,6 +37,7 @@ class Observation:
         top: Height of the upper surface in [m], as the points say.
         bottom: Height of the supporting surface in [m].
         bottom_std: Its spread in [m].
+        equal_sides: Whether the thing is known to be as long as wide as high.
     """
 
     frame: RgbdFrame
@@ -46,6 +48,7 @@ class Observation:
     top: float
     bottom: float
     bottom_std: float
+    equal_sides: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ def observe(
     top: float,
     bottom: tuple[float, float],
     covering: np.ndarray | None = None,
+    equal_sides: bool = False,
     most_outline: int = 90,
     most_points: int = 200,
 ) -> Observation:
@@ -88,13 +92,14 @@ def observe(
         top: Height of the upper surface in [m].
         bottom: Height of the support and its spread, in [m].
         covering: Pixels of things that stand on or in the thing, bool, shape (height, width), or None.
+        equal_sides: Whether the thing is known to be as long as wide as high.
         most_outline, most_points: How many to keep.
     """
     depth = np.where(frame.valid_depth, frame.depth, np.nan)
     outline = own_outline_pixels(mask, depth, covering)
     outline = outline[:: max(1, len(outline) // most_outline)]
     points = points[:: max(1, len(points) // most_points)]
-    return Observation(frame, outline, points, point_std, patches, top, *bottom)
+    return Observation(frame, outline, points, point_std, patches, top, *bottom, equal_sides)
 
 
 def refine(solid: Solid, seen: Observation) -> Refined:
@@ -122,10 +127,41 @@ def _refine_box(solid: Solid, seen: Observation) -> Refined:
     def corners(x: np.ndarray) -> np.ndarray:
         return box_corners(build(x))
 
-    x, covariance, rms = _minimise(start, loose, corners, surface, seen)
-    solid = build(x)
+    def alike(x: np.ndarray) -> np.ndarray:
+        return np.array([x[3] - x[4], (x[3] + x[4]) / 2 - (x[5] - x[6])]) / EQUAL_SIDES_STD
+
+    best = _minimise(start, loose, corners, surface, seen, alike if seen.equal_sides else None)
+    covariance = best.covariance
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[5, 5] + covariance[6, 6]) / 4])
-    return Refined(_nearest_turn(solid), _floor(variance), float(np.sqrt(covariance[2, 2])), rms)
+    for face in range(4):
+        axis, sign = face % 2, 1.0 if face < 2 else -1.0
+        way = np.array([np.cos(best.x[2]), np.sin(best.x[2])]) if axis == 0 else np.zeros(2)
+        if axis == 1:
+            way = np.array([-np.sin(best.x[2]), np.cos(best.x[2])])
+        variance[:2] += (way * _unseen_growth(best, sign * way, 3 + axis) / 2) ** 2
+    yaw_std = float(np.sqrt(covariance[2, 2]))
+    return Refined(_nearest_turn(build(best.x)), _floor(variance), yaw_std, best.rms)
+
+
+def _unseen_growth(best: "_Minimum", way: np.ndarray, size: int) -> float:
+    """How far a vertical face may move out before outline and points object, in [m]; 0 for a face that is seen.
+
+    A box with a hidden face always ends where its points end, and the slopes there do not tell that it may go on.
+
+    Args:
+        best: The minimum.
+        way: Outward direction of the face, shape (2,).
+        size: Which of x is the box's size along it.
+    """
+    allowed = 0.0
+    for growth in (0.005, 0.01, 0.02, 0.04):
+        x = best.x.copy()
+        x[:2] += way * growth / 2
+        x[size] += growth
+        if best.cost(x) > best.cost(best.x) + 1.0:
+            break
+        allowed = growth
+    return allowed
 
 
 def _refine_sphere(solid: Solid, seen: Observation) -> Refined:
@@ -143,9 +179,10 @@ def _refine_sphere(solid: Solid, seen: Observation) -> Refined:
     def rests(x: np.ndarray) -> np.ndarray:
         return np.array([(x[2] - x[3] - seen.bottom) / seen.bottom_std])
 
-    x, covariance, rms = _minimise(start, loose, rim, surface, seen, rests)
+    best = _minimise(start, loose, rim, surface, seen, rests)
+    x, covariance = best.x, best.covariance
     fitted = Solid("sphere", x[:3], 0.0, np.full(3, 2.0 * max(x[3], 0.003)))
-    return Refined(fitted, _floor(np.diag(covariance)[:3]), float("inf"), rms)
+    return Refined(fitted, _floor(np.diag(covariance)[:3]), float("inf"), best.rms)
 
 
 def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
@@ -167,11 +204,12 @@ def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
     def height(x: np.ndarray) -> np.ndarray:
         return np.array([(x[3] - seen.top) / top_std, 10.0 * max(0.0, x[5] - 1.0)])
 
-    x, covariance, rms = _minimise(start, loose, rims, None, seen, height)
+    best = _minimise(start, loose, rims, None, seen, height)
+    x, covariance = best.x, best.covariance
     tall, wide = max(x[3] - x[4], 0.003), 2.0 * max(x[2], 0.003)
     fitted = Solid("cylinder", np.array([x[0], x[1], x[3] - tall / 2]), 0.0, np.array([wide, wide, tall]))
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[3, 3] + covariance[4, 4]) / 4])
-    return Refined(fitted, _floor(variance), float("inf"), rms)
+    return Refined(fitted, _floor(variance), float("inf"), best.rms)
 
 
 def _floor(variance: np.ndarray) -> np.ndarray:
@@ -241,6 +279,23 @@ def _project(points: np.ndarray, frame: RgbdFrame) -> np.ndarray:
     return np.stack([k.fx * local[:, 0] / z + k.cx, k.fy * local[:, 1] / z + k.cy], -1)
 
 
+@dataclass(frozen=True)
+class _Minimum:
+    """Where the sum of squares is smallest.
+
+    Attributes:
+        x: The parameters.
+        covariance: Of x.
+        rms: How far the outlines disagree in [px].
+        cost: Sum of squares of everything but the prior, of any x, with the robust weights of the minimum.
+    """
+
+    x: np.ndarray
+    covariance: np.ndarray
+    rms: float
+    cost: Callable[[np.ndarray], float]
+
+
 def _minimise(
     start: np.ndarray,
     loose: np.ndarray,
@@ -249,8 +304,8 @@ def _minimise(
     seen: Observation,
     extra: Callable[[np.ndarray], np.ndarray] | None = None,
     rounds: int = 15,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Damped Gauss-Newton; returns x, its covariance and the outlines' disagreement in [px].
+) -> _Minimum:
+    """Damped Gauss-Newton.
 
     Args:
         start: First x; also the centre of the prior.
@@ -307,4 +362,5 @@ def _minimise(
     rms = 0.0
     if len(seen.outline):
         rms = float(np.sqrt(np.mean(outline_distance(seen.outline, _project(vertices(x), seen.frame)) ** 2)))
-    return x, np.linalg.inv(normal), rms
+    own = len(x)
+    return _Minimum(x, np.linalg.inv(normal), rms, lambda y: float(np.sum((residuals(y)[0] * w)[own:] ** 2)))

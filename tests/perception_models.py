@@ -3,6 +3,8 @@
 import string
 from pathlib import Path
 
+from perception.hf_models import load_package
+
 # transformers' GroundingDINO cuts prompts at these fixed ids: begin, end, full stop, question mark.
 FIXED_IDS = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
 WORDS = ("red", "yellow", "cube", "crate", "apple", "bowl", *string.ascii_lowercase)
@@ -21,7 +23,7 @@ def tiny_vocabulary() -> dict[str, int]:
 
 def save_tiny_detector(folder: Path) -> None:
     """A GroundingDINO of a few hundred thousand weights."""
-    import torch
+    torch = load_package("torch")
     from transformers import (
         BertConfig,
         BertTokenizer,
@@ -35,7 +37,7 @@ def save_tiny_detector(folder: Path) -> None:
     torch.manual_seed(0)
     vocabulary = tiny_vocabulary()
     config = GroundingDinoConfig(
-        backbone_config=ConvNextConfig(hidden_sizes=[8, 16, 32, 64], depths=[1, 1, 1, 1], out_indices=[2, 3, 4]),
+        backbone_config=ConvNextConfig(hidden_sizes=[8, 16, 32, 64], depths=[1, 1, 1, 1], out_indices=[2, 3, 4]),  # type: ignore[call-arg]
         text_config=BertConfig(
             vocab_size=len(vocabulary),
             hidden_size=32,
@@ -62,7 +64,7 @@ def save_tiny_detector(folder: Path) -> None:
 
 def save_tiny_segmenter(folder: Path) -> None:
     """A SAM of a few hundred thousand weights."""
-    import torch
+    torch = load_package("torch")
     from transformers import (
         SamConfig,
         SamImageProcessor,

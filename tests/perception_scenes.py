@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from perception.frames import CameraIntrinsics, RgbdFrame
+from sim_check.render import Offscreen
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,9 @@ RED, YELLOW, WOOD, GREEN, BLUE, WHITE = (
 )
 
 
-def cube(rgb: tuple[float, float, float], x: float, y: float, bottom: float = 0.0, yaw: float = 0.3, half=0.03):
+def cube(
+    rgb: tuple[float, float, float], x: float, y: float, bottom: float = 0.0, yaw: float = 0.3, half: float = 0.03
+) -> Thing:
     """A cube standing at (x, y) on a surface of height `bottom` [m]."""
     return Thing("box", (half, half, half), (x, y, bottom + half), rgb, yaw)
 
@@ -94,12 +97,9 @@ def render(
     <camera name="c" pos="{" ".join(map(str, eye))}" xyaxes="{axes}" fovy="{fovy}"/></worldbody></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with mujoco.Renderer(model, height, width) as renderer:
-        renderer.update_scene(data, "c")
-        colour = renderer.render().copy()
-        renderer.enable_depth_rendering()
-        renderer.update_scene(data, "c")
-        depth = renderer.render().astype(np.float32)
+    with Offscreen(model, width, height) as renderer:
+        colour = renderer.colour(data, "c", width, height)
+        depth = renderer.depth(data, "c", width, height)
     if seed is not None:
         depth = stereo_noise(depth, np.random.default_rng(seed), focal).astype(np.float32)
     intrinsics = CameraIntrinsics(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
