@@ -2,6 +2,7 @@
 
 StackError
 ├── ConfigError            a cell file, profile or option that is not valid
+│   └── MachineError       something that this machine lacks or that is taken: rendering, a port, a program
 ├── GoalError              a goal that cannot be understood or is empty
 ├── RewardSpecError        a reward program or spec that breaks the vocabulary
 │   └── UnknownObjectError a name that the scene does not have
@@ -20,6 +21,10 @@ class StackError(Exception):
 
 class ConfigError(StackError):
     """A cell file, robot profile or option that is not valid."""
+
+
+class MachineError(ConfigError):
+    """Something that this machine lacks or that is taken: rendering, a port, a program."""
 
 
 class GoalError(StackError):

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import IO
 
-from control.errors import ConfigError, RobotGoneError
+from control.errors import MachineError, RobotGoneError
 
 END_TIMEOUT = 5.0  # [s] between asking a process to end and killing it
 
@@ -82,7 +82,7 @@ def start_sim_process(command: Sequence[str], deadline: float = 60.0) -> SimProc
         )
     except OSError as error:
         errors.close()
-        raise ConfigError(f"cannot start the simulated cell '{command[0]}': {error}") from error
+        raise MachineError(f"cannot start the simulated cell '{command[0]}': {error}") from error
     try:
         ready = _wait_ready(process, errors, deadline)
         return SimProcess(process, errors, str(ready["endpoint"]), str(ready["epoch"]))
@@ -104,7 +104,8 @@ def _wait_ready(process: "subprocess.Popen[str]", errors: IO[bytes], deadline: f
         chunk = os.read(descriptor, 65536)
         if not chunk:
             code = process.wait(END_TIMEOUT)
-            raise ConfigError(f"the simulated cell ended before it was ready (exit code {code}): {_tail(errors, 2000)}")
+            why = _tail(errors, 2000)
+            raise MachineError(f"the simulated cell ended before it was ready (exit code {code}): {why}")
         received += chunk
         for line in received.split(b"\n")[:-1]:
             try:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from control.errors import ConfigError, RefusedError, RobotGoneError
+from control.errors import ConfigError, MachineError, RefusedError, RobotGoneError
 from hw_interface.errors import MessageError
 from hw_interface.messages import Refusal
 from hw_interface.wire import M, Message, decode, encode
@@ -92,11 +92,11 @@ def open_robot_session(endpoint: str = DEFAULT_ENDPOINT) -> tuple[zenoh.Session,
         return zenoh.open(_config("peer", [endpoint], [], 1.0)), endpoint
     except zenoh.ZError as error:
         if "in use" in str(error):
-            raise ConfigError(
+            raise MachineError(
                 f"port {port} is in use; another cell may be running: end it, or choose another port "
                 f"(--endpoint tcp/{host}:PORT, port 0 picks a free one)"
             ) from error
-        raise ConfigError(f"cannot listen at '{endpoint}': {error}") from error
+        raise MachineError(f"cannot listen at '{endpoint}': {error}") from error
 
 
 def open_client_session(endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0) -> zenoh.Session:

@@ -91,11 +91,14 @@ def _package(name: str, use: str) -> Finding:
 
 def _rendering() -> Finding:
     from control.errors import StackError
-    from sim_check.render import available_backend
+    from replan.rendering import require_mujoco
 
     try:
+        require_mujoco()
+        from sim_check.render import available_backend
+
         return Finding("rendering", "off-screen", True, f"MUJOCO_GL={available_backend()} works", needed=True)
-    except (StackError, ImportError) as error:
+    except StackError as error:
         return Finding("rendering", "off-screen", False, str(error), needed=True)
 
 

@@ -6,7 +6,7 @@ perception.errors.PerceptionError  perception's tree (drawn in perception/errors
 Exit codes: 0 done, 1 error with a one-line reason, 2 usage, 3 goal not reached, 4 unsafe or refused, 130 interrupted.
 """
 
-from control.errors import ConfigError, GoalError, RefusedError, StackError
+from control.errors import ConfigError, GoalError, MachineError, RefusedError, StackError
 from perception.errors import PerceptionError
 
 DONE, ERROR, USAGE, NOT_REACHED, UNSAFE, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -18,6 +18,8 @@ def exit_code(error: BaseException) -> int:
     """The exit code that an expected error leads to."""
     if isinstance(error, RefusedError):
         return UNSAFE
+    if isinstance(error, MachineError):
+        return ERROR
     if isinstance(error, (ConfigError, GoalError)):
         return USAGE
     return ERROR

@@ -92,6 +92,7 @@ def perceive_recording(
     segmenter: str,
     offline: bool,
     say: Callable[[str], None],
+    intrinsics: Path | None = None,
 ) -> PerceiveReport:
     """Run perception on every frame of a recording.
 
@@ -101,6 +102,7 @@ def perceive_recording(
         out: Folder for pictures and objects.json; made when absent.
         detector, segmenter, offline: As in `perception.pipeline.perception_from_options`.
         say: Progress.
+        intrinsics: Intrinsics file of a folder that holds none.
 
     Raises:
         FrameError: The recording or one of its frames cannot be used (names the file).
@@ -111,7 +113,7 @@ def perceive_recording(
     if not names:
         raise ConfigError("no name given to look for; say --names red_cube crate")
     perception = perception_from_options(detector, segmenter, offline=offline)
-    frames = open_recording(recording)
+    frames = open_recording(recording, intrinsics)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

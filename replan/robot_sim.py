@@ -13,6 +13,9 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     Raises:
         ConfigError: Unknown cell, port in use, no rendering.
     """
+    from replan.rendering import require_mujoco
+
+    require_mujoco()
     from control.certify import limits_hash
     from control.limits import panda_limits
     from control.robot import RobotModel

@@ -100,6 +100,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     """
     if not options.goal.strip():
         raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
+    from replan.rendering import require_mujoco
     from sim_check.cells import load_cell
 
     # The run plans without the part of a cell file that tells a simulated cell what is really there.
@@ -107,6 +108,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     with ExitStack() as stack:
         # A simulated cell builds its world while this process imports what it needs: both take seconds.
         endpoint = _endpoint(options, say, stack)
+        require_mujoco()
         return _run(options, cell, endpoint, say, on_client)
 
 
@@ -212,8 +214,8 @@ def _write_film(film, episode, wanted: bool, say: Callable[[str], None]) -> None
     # A second Ctrl-C must not leave half a file.
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        film.write_strip(episode.folder / "strip.png")
+        if film.write_strip(episode.folder / "strip.png"):
+            say(f"pictures: {episode.folder / 'strip.png'}")
         film.write_video(episode.folder / "run.mp4")
     finally:
         signal.signal(signal.SIGINT, previous)
-    say(f"pictures: {episode.folder / 'strip.png'}")

@@ -8,7 +8,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from control.errors import ConfigError
+from control.errors import MachineError
 from control.twin_model import TwinModel
 from perception.frames import CameraIntrinsics
 from sim_check.panda_mjcf import COLLISION_GROUP
@@ -61,7 +61,7 @@ class Offscreen:
         collision: Whether to show collision bodies (group 3) besides pictures (group 2).
 
     Raises:
-        ConfigError: No way to render was found; names the packages to install.
+        MachineError: No way to render was found; names the packages to install.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, collision: bool = False) -> None:
@@ -178,7 +178,7 @@ def available_backend() -> str:
     """Which way of rendering works here: "egl", or what the environment variable MUJOCO_GL asks for.
 
     Raises:
-        ConfigError: None does; names the packages to install.
+        MachineError: None does; names the packages to install.
     """
     name, context = _open_context(64, 64)
     context.free()
@@ -200,7 +200,7 @@ def render_twin(
         Colour, uint8, shape (height, width, 3).
 
     Raises:
-        ConfigError: No way to render was found.
+        MachineError: No way to render was found.
     """
     data = twin.start()
     if qpos is not None:
@@ -225,6 +225,6 @@ def _open_context(width: int, height: int):
         return name, GLContext(width, height)
     # Missing libraries surface as ImportError, AttributeError (PyOpenGL's null library) or OpenGL's own error types.
     except Exception as error:
-        raise ConfigError(
+        raise MachineError(
             f"cannot render offscreen with '{name}' ({error}); {_PACKAGES}, or set MUJOCO_GL=glfw"
         ) from None

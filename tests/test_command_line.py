@@ -1,16 +1,24 @@
 """What a person meets who types something wrong: one line, the right exit code, and nothing moves."""
 
 import json
+import os
+import socket
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
 
+from perception.frames import CameraIntrinsics, RgbdFrame
+from perception.recordings import save_npz
 
-def replan(*arguments, cwd, timeout=120):
+
+def replan(*arguments, cwd, timeout=120, **environment):
     """Run the command as a user would; returns the finished process."""
+    command = [sys.executable, "-m", "replan.main", *arguments]
     return subprocess.run(
-        [sys.executable, "-m", "replan.main", *arguments], capture_output=True, text=True, cwd=cwd, timeout=timeout
+        command, capture_output=True, text=True, cwd=cwd, timeout=timeout, env={**os.environ, **environment}
     )
 
 
@@ -66,3 +74,39 @@ def test_help_of_every_command_is_shown(tmp_path):
         process = replan(command, "--help", cwd=tmp_path)
         assert process.returncode == 0
         assert "usage: replan" in process.stdout
+
+
+def test_rendering_that_does_not_load_is_one_line_with_what_to_install(tmp_path):
+    process = replan("run", "place the red cube on the crate", cwd=tmp_path, MUJOCO_GL="osmesa", PYOPENGL_PLATFORM="")
+    assert process.returncode == 1
+    assert "apt-get install libegl1" in one_line_reason(process)
+
+
+def test_two_simulated_cells_on_one_port_are_told_apart(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        process = replan("robot", "sim", "--endpoint", f"tcp/127.0.0.1:{port}", cwd=tmp_path)
+    assert process.returncode == 1
+    assert f"port {port} is in use" in one_line_reason(process)
+
+
+def test_a_frame_without_depth_and_one_of_the_wrong_size_are_named(tmp_path):
+    intrinsics = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+    blind = RgbdFrame(np.zeros((48, 64, 3), np.uint8), np.full((48, 64), np.nan), intrinsics, np.eye(4), 0.0)
+    save_npz(tmp_path / "blind.npz", [blind])
+    process = replan("perceive", "blind.npz", "--names", "red_cube", cwd=tmp_path)
+    assert process.returncode == 1
+    assert "has no valid depth at all" in one_line_reason(process)
+
+    folder = tmp_path / "pairs"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a-color.png"), np.zeros((48, 64, 3), np.uint8))
+    cv2.imwrite(str(folder / "a-depth.png"), np.full((24, 32), 500, np.uint16))
+    (folder / "camera.yaml").write_text(
+        "{width: 64, height: 48, fx: 60, fy: 60, cx: 31.5, cy: 23.5, depth_scale: 0.001}"
+    )
+    process = replan("perceive", "pairs", "--names", "red_cube", cwd=tmp_path)
+    assert process.returncode == 1
+    assert "a-depth.png' is 32x24; the intrinsics file says 64x48" in one_line_reason(process)

@@ -23,6 +23,8 @@ class Perceive:
     """Folder of colour and depth PNG pairs with an intrinsics file, or an .npz of the project's own frames."""
     names: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["-n"])]
     """Objects to look for, for instance red_cube crate "coffee can"."""
+    intrinsics: Path | None = None
+    """Intrinsics file (YAML or JSON: width, height, fx, fy, cx, cy, depth_scale) when the folder holds none."""
     out: Path = Path("perceived")
     """Folder for pictures and objects.json."""
     detector: str = "colour"
@@ -40,7 +42,14 @@ class Perceive:
         from replan.perceive import perceive_recording
 
         report = perceive_recording(
-            self.recording, self.names, self.out, self.detector, self.segmenter, self.offline, console.note
+            self.recording,
+            self.names,
+            self.out,
+            self.detector,
+            self.segmenter,
+            self.offline,
+            console.note,
+            intrinsics=self.intrinsics,
         )
         console.result(report.as_json(), report.as_text())
         return report.exit_code
