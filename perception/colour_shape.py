@@ -177,12 +177,19 @@ def _hsv(colour: np.ndarray) -> np.ndarray:
 
 def _outline_score(outline: Outline, look: Look) -> float:
     if look.outline == "round":
-        return outline.roundness if outline.aspect < 2.6 else 0.0
+        return _rise(outline.roundness, 0.50, 0.66) if outline.aspect < 2.6 else 0.0
+    if look.outline == "vessel":  # two ellipses of different size and what lies between
+        return _rise(outline.roundness, 0.38, 0.50) if outline.aspect < 2.6 else 0.0
     if look.outline == "angular":
-        return (1.0 - outline.roundness) * float(np.clip((4.5 - outline.aspect) / 1.5, 0.0, 1.0))
+        return _rise(-outline.roundness, -0.66, -0.50) * _rise(-outline.aspect, -4.5, -3.0)
     if look.outline == "elongated":
-        return float(np.clip((outline.aspect - 1.7) / 0.8, 0.0, 1.0))
+        return _rise(outline.aspect, 1.7, 2.5)
     return 1.0
+
+
+def _rise(value: float, low: float, high: float) -> float:
+    """0 up to `low`, 1 from `high`, a straight line between."""
+    return float(np.clip((value - low) / (high - low), 0.0, 1.0))
 
 
 def _size_score(outline: Outline, look: Look, long_side: float) -> float:
@@ -194,7 +201,7 @@ def _size_score(outline: Outline, look: Look, long_side: float) -> float:
         long_side: Longest visible side in [m].
     """
     low, high = look.size
-    high *= 1.2 if look.outline == "round" else 1.7
+    high *= 1.2 if look.outline in ("round", "vessel") else 1.7
     low *= max(0.3, outline.free)
     if long_side < low:
         return float(np.clip((long_side / low - 0.6) / 0.3, 0.0, 1.0))

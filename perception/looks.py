@@ -11,7 +11,7 @@ import numpy as np
 from perception.errors import UnknownPhraseError
 from perception.estimates import Shape
 
-Outline = Literal["round", "angular", "elongated", "any"]
+Outline = Literal["round", "vessel", "angular", "elongated", "any"]
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ LOOKS: dict[str, Look] = {
         Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere"),
         Look("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
         Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
-        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "round", (0.08, 0.32), "cylinder"),
+        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder"),
         Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder"),
         Look("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
         Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder"),

@@ -11,7 +11,8 @@ class Outline:
     """Measures of one blob's outline.
 
     Attributes:
-        roundness: 1 where an ellipse explains the free outline much better than a hexagon, 0 the other way round.
+        roundness: How much better an ellipse explains the free outline than a polygon: polygon's residual by the sum of
+            both, 0..1. Rendered balls gave 0.63 to 0.85, vessels 0.48 to 0.93, cubes 0.06 to 0.42.
         aspect: Long side by short side of the smallest rectangle around it, >= 1.
         long_px: Long side of that rectangle in [px].
         fill: Share of the convex hull that the blob covers, 0..1.
@@ -132,14 +133,13 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     off_hull = np.array([cv2.pointPolygonTest(hull.reshape(-1, 1, 2), (float(x), float(y)), True) for x, y in contour])
     free = contour[own & (off_hull < max(1.5, 0.04 * short_px))].astype(float)
     if len(free) < 12:
-        return Outline(0.5, long_px / short_px, long_px, min(1.0, blob.sum() / hull_area), float(own.mean()))
+        return Outline(0.58, long_px / short_px, long_px, min(1.0, blob.sum() / hull_area), float(own.mean()))
     # A box shows at most six edges from anywhere, of a half-hidden one three and the edge of what hides it.
     share = float(own.mean())
     sides = 6 if share > 0.95 else int(np.clip(round(6 * share) + 1, 4, 6))
     ellipse, polygon = _ellipse_residual(free), _polygon_residual(free, hull, sides)
     # Half a pixel of grid noise on both sides keeps tiny blobs undecided instead of sure.
-    ratio = (polygon + 0.15) / (polygon + ellipse + 0.3) if np.isfinite(ellipse) else 0.0
-    roundness = float(np.clip((ratio - 0.50) / 0.16, 0.0, 1.0))
+    roundness = (polygon + 0.15) / (polygon + ellipse + 0.3) if np.isfinite(ellipse) else 0.0
     fill = min(1.0, float(blob.sum()) / hull_area)
     return Outline(roundness, long_px / short_px, long_px, fill, share)
 
