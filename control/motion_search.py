@@ -22,7 +22,7 @@ from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan, MotionStats
 from control.refinement import vary
 from control.residuals import safety_residuals
-from control.rewards import RewardSpec
+from control.rewards import PALM, RewardSpec
 from control.rewards_cost import Score, score_motion
 from control.rollouts import Rollout, commands_for, record_motion, roll_out
 from control.safety import SafetyLimits
@@ -234,7 +234,7 @@ def _counts(bench: Workbench, search: _Search) -> dict[str, int]:
 def _failure(bench: Workbench, search: _Search, stats: MotionStats) -> FailureCause:
     """Say at which stage the last candidates were lost."""
     task, counts = bench.subtask, stats.counts
-    subject = task.subject or str(task.target)
+    subject = task.subject or (str(task.target) if task.target in bench.objects else PALM)
     evidence = {
         "counts": counts,
         "steps": stats.steps,
@@ -271,6 +271,8 @@ def _lost_at(bench: Workbench, subject: str) -> str:
     blamed = [n for n, _ in bench.filter.rejected_by.most_common() if n in bench.objects and n != subject]
     near = ", ".join(f"'{n}'" for n in blamed[:2]) or "other things"
     target = f"'{task.target}'" if task.target else "its place"
+    if task.manipulation in ("rest", "retreat") and not counts["ends"]:
+        return "no posture that was tried takes the palm as far as the goal asks"
     if counts["grasps"] and not counts["grasps_reachable"]:
         distance = float(np.linalg.norm(bench.objects[subject].position[:2])) if subject in bench.objects else 0.0
         return (

@@ -14,6 +14,7 @@ from control.workbench import Workbench, straight_targets
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
 LIFT = 0.06  # [m] straight up after a grasp, and straight down before a release
 SPARE_OPENING = 0.022  # [m] that fingers open beyond an object where they cannot open fully
+MOST_READY = 24  # grasps that are looked for; more would only be joined with the same places
 ASIDE_WEIGHT = 20.0  # [rad/m], of a grasp off the object's middle
 SLOW, MEDIUM = 0.4, 0.7  # shares of the allowed speed near contacts
 
@@ -47,7 +48,7 @@ class ReadyGrasp:
 
 
 def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
-    """Grasps of the subject that can be reached, that are free, and from which it can be lifted; least motion first."""
+    """Up to `MOST_READY` reachable, free grasps of the subject from which it can be lifted; least motion first."""
     subject = str(bench.subtask.subject)
     body = bench.objects[subject]
     if bench.twin.held == subject:
@@ -68,7 +69,10 @@ def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
     upwards, ok_up = bench.follow(solutions, [straight_targets(g.world_T_tcp, up) for g in chosen])
     bench.counts["grasps_followed"] += int((ok_out & ok_up).sum())
     out: list[ReadyGrasp] = []
-    for i in np.flatnonzero(ok_out & ok_up):
+    efforts = [_effort(bench, q, g, body) for q, g in zip(solutions, chosen, strict=True)]
+    for i in sorted(np.flatnonzero(ok_out & ok_up), key=lambda i: efforts[i]):
+        if len(out) == MOST_READY:
+            break
         grasp, q = chosen[i], solutions[i]
         held = Held(np.linalg.inv(grasp.world_T_tcp) @ body.pose)
         lift = np.vstack([q[None], upwards[i]])
@@ -79,7 +83,7 @@ def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
             continue
         out.append(ReadyGrasp(grasp, q, np.vstack([outwards[i][::-1], q[None]]), lift, held, opening, grasp.width))
     bench.counts["grasps_free"] += len(out)
-    return sorted(out, key=lambda g: _effort(bench, g))
+    return out
 
 
 def reach_path(bench: Workbench, grasp: ReadyGrasp, planner: bool = False) -> np.ndarray | None:
@@ -147,9 +151,8 @@ def _first_opening(bench: Workbench, q: np.ndarray, outwards: np.ndarray, width:
     return None
 
 
-def _effort(bench: Workbench, grasp: ReadyGrasp) -> float:
+def _effort(bench: Workbench, q: np.ndarray, grasp: Grasp, body: PosedObject) -> float:
     """Joint motion from the start and a little from rest in [rad]; steep hands and central grasps are preferred."""
-    tilt = 0.0 if grasp.grasp is None else np.pi / 2 - grasp.grasp.pitch
-    aside = float(np.linalg.norm(grasp.held.tcp_T_object[:3, 3]))
-    near, rest = np.abs(grasp.q - bench.start_q).max(), np.abs(grasp.q - REST_Q).max()
-    return float(near + 0.2 * rest + 0.3 * tilt + ASIDE_WEIGHT * aside)
+    aside = float(np.linalg.norm(grasp.world_T_tcp[:3, 3] - body.position))
+    near, rest = np.abs(q - bench.start_q).max(), np.abs(q - REST_Q).max()
+    return float(near + 0.2 * rest + 0.3 * (np.pi / 2 - grasp.pitch) + ASIDE_WEIGHT * aside)

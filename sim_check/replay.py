@@ -13,7 +13,7 @@ from control.trajectory import SAMPLE_TIME, Trajectory
 from control.twin_model import TABLE_BODY, TwinModel
 
 JUDGE_STEP = 0.002  # [s]; half of the search's, where grasps slip less
-SETTLE_SLACK = 0.1  # [s] beyond the settling time, for the object to come to rest in
+SETTLE_SLACK = 0.5  # [s] before the settling time: the servos reach their end and fruit rolls to rest
 
 
 def replay_commands(trajectory: Trajectory, twin: TwinModel, settle_time: float, step: float = JUDGE_STEP) -> Commands:
