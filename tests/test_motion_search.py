@@ -21,6 +21,7 @@ from control.safety import SafetyLimits
 from control.subtasks import posed_objects, read_subtask
 from control.transits import rrt_connect, transit
 from control.workbench import Workbench
+from sim_check.twin import perturbed_twin
 from tests.motion_scenes import CRATE, CUBE, arm, blocked, cubes, fruit, hand_at, only, red_on_crate, twin_of
 from tests.sim_scenes import estimate
 
@@ -185,3 +186,13 @@ def test_variants_of_a_motion_stay_in_one_piece_and_start_where_the_arm_is():
             np.testing.assert_allclose(before.q[-1], after.q[0], atol=1e-9)
         grasped, was = (arm().poses(c.segments[1].q[-1:])[0, :3, 3] for c in (variant, first))
         assert 0.0005 < np.linalg.norm(grasped - was) < 0.04
+
+
+def test_with_perturbed_twins_the_motion_that_succeeds_in_most_of_them_is_chosen():
+    variants = [perturbed_twin(cubes(), np.random.default_rng(i)) for i in range(2)]
+    rng = np.random.default_rng(0)
+    plan = plan_motion(cubes(), red_on_crate(), SAFETY, rng, kinematics=arm(), nthread=1, variants=variants)
+    plain = search(cubes(), red_on_crate())
+    assert isinstance(plan, MotionPlan) and isinstance(plain, MotionPlan)
+    assert plan.stats.steps > plain.stats.steps  # the variants were simulated
+    assert len(plan.alternatives) == len(plain.alternatives)
