@@ -73,6 +73,15 @@ def test_a_typed_goal_moves_the_cube_and_leaves_its_evidence(tmp_path):
     assert (folder / "strip.png").stat().st_size > 10_000
     assert (folder / "run.mp4").stat().st_size > 10_000
     assert list(folder.glob("look_*.png"))
+    # What was seen can be looked into again, without a robot.
+    again = subprocess.run(
+        [sys.executable, "-m", "replan.main", "perceive", str(folder / "look_001.npz"), "-n", "crate", "--json"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=True,
+    )
+    assert json.loads(again.stdout)["frames"][0]["objects"][0]["name"] == "crate"
 
 
 def test_the_wrong_cube_on_the_crate_is_named_and_moved_first(tmp_path):
