@@ -76,6 +76,7 @@ class Look:
         size: (lowest, highest) of the longest visible side in [m].
         solid: Solid to fit to its points.
         equal_sides: Whether the word says that it is as long as wide as high.
+        hollow: Whether things lie in it rather than on it.
     """
 
     noun: str
@@ -84,6 +85,7 @@ class Look:
     size: tuple[float, float]
     solid: Shape
     equal_sides: bool = False
+    hollow: bool = False
 
 
 LOOKS: dict[str, Look] = {
@@ -99,11 +101,11 @@ LOOKS: dict[str, Look] = {
         Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere"),
         Look("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
         Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
-        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder"),
-        Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder"),
+        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder", hollow=True),
+        Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder", hollow=True),
         Look("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
         Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder"),
-        Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder"),
+        Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder", hollow=True),
     )
 }
 ANY_THING = Look("thing", CHROMATIC, "any", (0.015, 0.60), "box")

@@ -121,6 +121,7 @@ class Perception:
                 clouds[name] = cloud
         found: dict[str, ObjectEstimate] = {}
         solids: list[Solid] = []
+        vessels: list[Solid] = []
         # From the lowest upwards, so that what carries a thing is known before the thing.
         upwards = sorted(clouds, key=lambda n: clouds[n].lowest)
         for i, name in enumerate(upwards):
@@ -130,9 +131,9 @@ class Perception:
                 above |= clouds[other].mask
             look = look_of(best[name].phrase)
             fitted = fit_solid(
-                frame, cloud, look.solid, support, solids, self.settings, above, equal_sides=look.equal_sides
+                frame, cloud, look.solid, support, solids, self.settings, above, vessels, look.equal_sides
             )
-            solids.append(fitted.solid)
+            (vessels if look.hollow else solids).append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock
         return _View(found, missing, support)

@@ -13,6 +13,8 @@ from perception.resting import LowerEnd, find_bottom, lower_end
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.support import SupportPlane
 
+VESSEL_FLOOR_STD = 0.006  # how far the floor of a bowl may lie above what the bowl stands on, in [m]
+
 
 @dataclass(frozen=True)
 class PoseSettings:
@@ -100,6 +102,7 @@ def fit_solid(
     others: Sequence[Solid],
     settings: PoseSettings,
     covering: np.ndarray | None = None,
+    vessels: Sequence[Solid] = (),
     equal_sides: bool = False,
 ) -> Refined:
     """Solid of the given shape that rests on the table or on one of the others, with its spread.
@@ -112,13 +115,18 @@ def fit_solid(
         others: Solids already fitted, one of which may carry the thing.
         settings: Of the estimate.
         covering: Pixels of things that stand higher and may hide it, bool, shape (height, width), or None.
+        vessels: Hollow solids already fitted; a thing inside one rests on a floor that may not be seen.
         equal_sides: Whether the thing is known to be as long as wide as high.
     """
+    x, y = np.median(cloud.points[:, 0]), np.median(cloud.points[:, 1])
+    inside = any(v.covers(x, y) and cloud.lowest < v.top for v in vessels)
     bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std, _around(frame, cloud))
+    if inside:
+        bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
     if shape == "sphere":
         first = fit_sphere(cloud.points)
         # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
-        if abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std:
+        if inside or abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std:
             bottom = (first.bottom, 1.0)
     elif shape == "cylinder":
         first = fit_cylinder(cloud.points, bottom[0], cloud.depth_std)

@@ -95,6 +95,13 @@ def test_an_apple_and_a_bowl_are_fitted_as_round_things():
         assert np.isinf(seen(scene, name).yaw_std)
 
 
+def test_an_apple_lying_on_top_of_a_full_bowl_is_not_pulled_down_to_its_rim():
+    bowl = Thing("cylinder", (0.07, 0.07, 0.025), (0.5, 0.0, 0.025), BLUE)
+    apple = Thing("sphere", (0.035, 0.035, 0.035), (0.5, 0.0, 0.105), RED)
+    scene = look([bowl, apple], "apple", "bowl")
+    assert seen(scene, "apple").position == pytest.approx(apple.position, abs=0.008)
+
+
 def test_a_lower_end_hidden_by_a_wall_reaches_down_to_the_table():
     wall = Thing("box", (0.01, 0.10, 0.02), (0.62, 0.0, 0.02), GREEN)
     hidden = seen(look([wall, cube(RED, 0.5, 0.0)], "red_cube"), "red_cube")
