@@ -37,9 +37,12 @@ def overlay(frame: RgbdFrame, scene: SceneEstimate) -> np.ndarray:
                 _tint(picture, item.mask, paints[o.name])
     for o in scene.objects:
         _draw_solid(picture, frame, o, paints[o.name])
-    used: list[tuple[int, int, int, int]] = []
+    places = {o.name: _place_in_picture(frame, o) for o in scene.objects}
+    taken = [place for place in places.values() if place is not None]
     for o in scene.objects:
-        _draw_label(picture, frame, o, paints[o.name], used)
+        place = places[o.name]
+        if place is not None:
+            _draw_label(picture, o, paints[o.name], place, taken)
     _draw_footer(picture, scene)
     return picture
 
@@ -97,34 +100,63 @@ def _draw_solid(picture: np.ndarray, frame: RgbdFrame, o: ObjectEstimate, paint:
         cv2.polylines(picture, [fixed], closed, paint, 1, cv2.LINE_AA, shift=4)
 
 
+Rect = tuple[float, float, float, float]
+
+
 def _draw_label(
-    picture: np.ndarray,
-    frame: RgbdFrame,
-    o: ObjectEstimate,
-    paint: tuple[int, int, int],
-    used: list[tuple[int, int, int, int]],
+    picture: np.ndarray, o: ObjectEstimate, paint: tuple[int, int, int], at: Rect, taken: list[Rect], shift: int = 6
 ) -> None:
-    """Name, score and size above the object, moved up until it covers no other label."""
+    """Name, score and size beside the object, where it covers least of what is drawn already.
+
+    Args:
+        picture: To draw into.
+        o: The object.
+        paint: Its colour.
+        at: (x0, y0, x1, y1) of the object in [px].
+        taken: The same of all objects and labels so far; the new label is added.
+        shift: Gap to the object in [px].
+    """
     height, width = picture.shape[:2]
-    points = np.concatenate(solid_outline(o))
-    pixels = project(points, frame)
-    if pixels is None:
-        return
-    left, top = pixels.min(0)
-    if not (-50 < left < width and -50 < top < height):
-        return
     size = 100 * np.asarray(o.extents)
     text = f"{o.phrase} {o.score:.2f}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
     scale = 0.42 * max(1.0, height / 720)
     (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
-    x = int(np.clip(left, 2, max(2, width - w - 8)))
-    y = int(np.clip(top - 8, h + 6, height - 40))
-    while any(x < u1 and x + w + 8 > u0 and y - h - 6 < v1 and y + 5 > v0 for u0, v0, u1, v1 in used) and y > 2 * h:
-        y -= 4
-    used.append((x - 4, y - h - 5, x + w + 4, y + 5))
-    cv2.rectangle(picture, (x - 4, y - h - 5), (x + w + 4, y + 5), (255, 255, 255), -1)
-    cv2.rectangle(picture, (x - 4, y - h - 5), (x + w + 4, y + 5), paint, 1, cv2.LINE_AA)
-    cv2.putText(picture, text, (x, y), FONT, scale, (20, 20, 20), 1, cv2.LINE_AA)
+    wide, high = w + 8, h + 10
+    x0, y0, x1, y1 = at
+    middle = (x0 + x1 - wide) / 2
+    corners = [
+        (middle, y0 - high - shift),
+        (middle, y1 + shift),
+        (x1 + shift, (y0 + y1 - high) / 2),
+        (x0 - wide - shift, (y0 + y1 - high) / 2),
+        (middle, y0 - 2 * high - 2 * shift),
+        (middle, y1 + high + 2 * shift),
+    ]
+    boxes = []
+    for x, y in corners:
+        x, y = float(np.clip(x, 2, max(2, width - wide - 2))), float(np.clip(y, 2, height - high - 42))
+        boxes.append((x, y, x + wide, y + high))
+    best = min(boxes, key=lambda box: sum(_shared_area(box, other) for other in taken))
+    taken.append(best)
+    left, top, right, bottom = (round(v) for v in best)
+    cv2.rectangle(picture, (left, top), (right, bottom), (255, 255, 255), -1)
+    cv2.rectangle(picture, (left, top), (right, bottom), paint, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, (left + 4, bottom - 5), FONT, scale, (20, 20, 20), 1, cv2.LINE_AA)
+
+
+def _shared_area(a: Rect, b: Rect) -> float:
+    return max(0.0, min(a[2], b[2]) - max(a[0], b[0])) * max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
+
+
+def _place_in_picture(frame: RgbdFrame, o: ObjectEstimate) -> Rect | None:
+    """Box around the projected solid in [px], or None when it lies outside of the picture."""
+    pixels = project(np.concatenate(solid_outline(o)), frame)
+    if pixels is None:
+        return None
+    (x0, y0), (x1, y1) = pixels.min(0), pixels.max(0)
+    if x1 < 0 or y1 < 0 or x0 > frame.intrinsics.width or y0 > frame.intrinsics.height:
+        return None
+    return float(x0), float(y0), float(x1), float(y1)
 
 
 def _draw_footer(picture: np.ndarray, scene: SceneEstimate) -> None:
