@@ -135,8 +135,11 @@ def time_segment(
     path = smooth_path(q, options.tolerance, q_min, q_max, allowed.qd, allowed.qdd)
     dynamics = _PathDynamics(path, robot, _grid(path, options.grid), allowed)
     dynamics.check_gravity(segment.name)
-    bound = fastest_time_law(dynamics.bounds(1.0)).duration
-    law, width, stretch = _lower_where_needed(path, dynamics, options)
+    try:
+        bound = fastest_time_law(dynamics.bounds(1.0)).duration
+        law, width, stretch = _lower_where_needed(path, dynamics, options)
+    except RetimingError as error:
+        raise RetimingError(f"segment '{segment.name}': {error}") from error
     stretch = min(stretch, MAX_STRETCH / 2)
     name, worst = "", np.inf
     while stretch <= MAX_STRETCH:

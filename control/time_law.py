@@ -1,4 +1,4 @@
-"""The fastest time law along a path under bounds on speed, acceleration and torque (TOPP-RA).
+"""The fastest time law along a path under bounds on speed, acceleration and torque, by the library toppra.
 
 Along a path q(s) everything bounded is linear in u = s'' and x = s'^2:
 
@@ -6,15 +6,20 @@ Along a path q(s) everything bounded is linear in u = s'' and x = s'^2:
     m(s) u + c(s) x + g(s)        within the joint torques
     x <= cap(s)                   from joint, hand and angular speeds
 
-A backward pass finds the largest x at each grid point from which the end can be reached at rest, a forward pass then
-accelerates as hard as it may below them. Source: Pham and Pham, "A New Approach to Time-Optimal Path Parameterization
-Based on Reachability Analysis", 2018. Here standing still (u = x = 0) is always allowed, so the reachable sets are
-[0, K] and the linear programmes in two variables have closed forms. Bounds hold at both ends of every grid interval.
+TOPP-RA finds the largest x at each grid point from which the end can be reached at rest by a backward pass, and
+accelerates as hard as it may below them in a forward pass. Source: Pham and Pham, "A New Approach to Time-Optimal Path
+Parameterization Based on Reachability Analysis", 2018. Bounds hold at both ends of every grid interval.
+
+toppra's linear programmes compare with absolute tolerances of 1e-8 to 1e-10. They are therefore given the problem
+without units: a path of length one, rows relative to their bounds, x relative to what the path can reach. With units
+it fails for a move of 1e-7 rad. The library is imported when first used, as it takes a plotting library along.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from control.errors import RetimingError
 
 LARGE_SPEED = 1e6  # squared speed cap where nothing moves
 SMALL = 1e-12
@@ -25,10 +30,10 @@ class PathBounds:
     """Bounds along a path.
 
     Attributes:
-        s: Grid, shape (n,).
+        s: Grid, increasing, shape (n,).
         a, b: Coefficients of u and x, shape (n, r).
-        low, high: Bounds of a u + b x, shape (n, r), low <= 0 <= high.
-        cap: Largest x, shape (n,).
+        low, high: Bounds of a u + b x, shape (n, r), low <= 0 <= high and low < high: resting is allowed everywhere.
+        cap: Largest x, shape (n,), above 0.
     """
 
     s: np.ndarray
@@ -68,54 +73,50 @@ class TimeLaw:
 
 
 def fastest_time_law(bounds: PathBounds) -> TimeLaw:
-    """The time-optimal law on the grid; see the module's description."""
-    s, delta = bounds.s, np.diff(bounds.s)
-    # Every row as  low <= u + ratio x <= high  after division by its (made positive) coefficient of u.
-    ratio, low, high = _normalised_rows(bounds, delta)
-    limit = np.minimum(bounds.cap[:-1], _largest_speed(ratio, low, high, delta))
-    n = len(s)
-    inverse = 1.0 / (2.0 * delta)
-    reach = np.zeros(n)
-    for k in range(n - 2, -1, -1):
-        # u <= (reach[k + 1] - x) / (2 delta) must leave room above every lower bound  u >= low - ratio x.
-        room = inverse[k] - ratio[k]
-        binding = room > 0
-        x = (reach[k + 1] * inverse[k] - low[k][binding]) / room[binding]
-        reach[k] = min(limit[k], x.min()) if x.size else limit[k]
-    x = np.zeros(n)
-    for k in range(n - 1):
-        u = np.min(high[k] - ratio[k] * x[k])
-        x[k + 1] = min(max(x[k] + 2.0 * delta[k] * u, 0.0), reach[k + 1])
-    speed = np.sqrt(x)
-    mean = (speed[1:] + speed[:-1]) / 2
-    t = np.concatenate([[0.0], np.cumsum(delta / np.maximum(mean, SMALL))])
-    return TimeLaw(s, t, speed)
+    """The time-optimal law on the grid; see the module's description.
 
-
-def _normalised_rows(bounds: PathBounds, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of each interval at its start and, through x_next = x + 2 delta u, at its end; shapes (n - 1, 2 r)."""
-    b_next = bounds.b[1:]
-    a = np.concatenate([bounds.a[:-1], bounds.a[1:] + 2.0 * delta[:, None] * b_next], axis=1)
-    b = np.concatenate([bounds.b[:-1], b_next], axis=1)
-    low = np.concatenate([bounds.low[:-1], bounds.low[1:]], axis=1)
-    high = np.concatenate([bounds.high[:-1], bounds.high[1:]], axis=1)
-    flip = a < 0
-    a, b = np.where(flip, -a, a), np.where(flip, -b, b)
-    low, high = np.where(flip, -high, low), np.where(flip, -low, high)
-    a = np.maximum(a, SMALL)
-    return b / a, low / a, high / a
-
-
-def _largest_speed(ratio: np.ndarray, low: np.ndarray, high: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """Largest x for which some u >= -x / (2 delta) satisfies all rows of an interval, shape (n - 1,).
-
-    A lower row l and an upper row h leave room while  x (ratio_h - ratio_l) <= high_h - low_l.
+    Raises:
+        RetimingError: There is none, or the solver does not find it; the caller knows which segment it was for.
     """
-    stop = 1.0 / (2.0 * delta)[:, None]
-    ratio_low = np.concatenate([ratio, stop], axis=1)  # the last one: x_next must not become negative
-    low = np.concatenate([low, np.zeros_like(stop)], axis=1)
-    slope = ratio[:, :, None] - ratio_low[:, None, :]
-    room = high[:, :, None] - low[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = np.where(slope > SMALL, room / slope, np.inf)
-    return np.minimum(x.min(axis=(1, 2)), LARGE_SPEED)
+    import toppra
+    from toppra.algorithm import TOPPRA
+    from toppra.constraint import LinearConstraint, canlinear_colloc_to_interpolate
+
+    length = bounds.s[-1] - bounds.s[0]
+    size = np.maximum(-bounds.low, bounds.high)
+    # What full acceleration over the whole length would reach, unless the caps are lower.
+    reach = length / max(float(np.mean(np.max(np.abs(bounds.a) / size, axis=1))), SMALL)
+    top = min(float(bounds.cap.max()), reach)
+    a, b = bounds.a / size * (top / length), bounds.b / size * top
+    low, high = bounds.low / size, bounds.high / size
+    grid = (bounds.s - bounds.s[0]) / length
+
+    class Rows(LinearConstraint):
+        """a u + b x - high <= 0 and -a u - b x + low <= 0, the same at the next grid point, and 0 <= x <= cap."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.identical = True  # the rows are taken as they are, F = 1, at every grid point
+
+        def compute_constraint_params(self, path, gridpoints, *args, **kwargs):
+            rows = np.hstack([a, -a]), np.hstack([b, -b]), np.hstack([-high, low])
+            count = rows[0].shape[1]
+            ends = canlinear_colloc_to_interpolate(
+                *rows, np.eye(count), np.zeros(count), None, None, gridpoints, identical=True
+            )
+            cap = np.stack([np.zeros_like(bounds.cap), bounds.cap / top], axis=1)
+            return *ends[:5], None, cap
+
+    line = toppra.PolynomialPath([0.0, 1.0], 0.0, 1.0)  # the rows say all about the path
+    solver = TOPPRA([Rows()], line, gridpoints=grid, solver_wrapper="seidel")
+    speed = solver.compute_parameterization(0.0, 0.0)[1]
+    if speed is None or not np.all(np.isfinite(speed)):
+        code = solver.problem_data.return_code.name
+        raise RetimingError(
+            f"no time law was found on {len(grid)} grid points ({code}); resting must be allowed everywhere, take "
+            "another path or one with wider corners"
+        )
+    speed = speed * np.sqrt(top)
+    mean = (speed[1:] + speed[:-1]) / 2
+    t = np.concatenate([[0.0], np.cumsum(np.diff(bounds.s) / np.maximum(mean, SMALL))])
+    return TimeLaw(bounds.s, t, speed)

@@ -5,8 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from control import segment_timing
 from control.errors import ConfigError, RetimingError
 from control.limits import panda_limits
 from control.path_smoothing import smooth_path
@@ -14,11 +17,12 @@ from control.retime import retime, retime_with_report
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.segment_timing import RetimingOptions
-from control.time_law import PathBounds, fastest_time_law
+from control.time_law import LARGE_SPEED, PathBounds, fastest_time_law
 from control.trajectory import SAMPLE_TIME, JointPath, PathSegment, Trajectory
 from control.trajectory_checks import check_trajectory
 from tests.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
 
+pytestmark = pytest.mark.filterwarnings("ignore:invalid escape sequence:DeprecationWarning")  # toppra's docstrings
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()
 TOLERANCE = RetimingOptions().tolerance
@@ -285,39 +289,69 @@ def test_a_path_without_segments_is_refused(robot):
         retime(JointPath(()), robot, LIMITS, SAFETY)
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the other library's docstrings
-def test_the_time_law_agrees_with_an_independent_solver_of_the_same_problem():
-    import toppra
-    import toppra.algorithm
-    import toppra.constraint
-    import toppra.interpolator
-
-    toppra.setup_logging("ERROR")
-    rng = np.random.default_rng(11)
-    waypoints = random_path(rng, 3, 0.4)
+def corner_bounds(parts: int) -> PathBounds:
+    """Speed and acceleration bounds along a path round three corners, on a grid that cuts its knot intervals evenly."""
+    waypoints = random_path(np.random.default_rng(11), 3, 0.4)
     path = smooth_path(waypoints, TOLERANCE, LIMITS.q_min, LIMITS.q_max, LIMITS.qd, LIMITS.qdd)
-    grid = np.linspace(0.0, path.length, 401)
+    cuts = np.diff(path.breaks)[:, None] * np.arange(parts) / parts
+    grid = np.append((path.breaks[:-1, None] + cuts).ravel(), path.length)
     first, second = path(grid, 1), path(grid, 2)
     wide = np.broadcast_to(LIMITS.qdd, first.shape)
-    cap = 1.0 / np.max(np.abs(first) / LIMITS.qd, axis=1) ** 2
-    ours = fastest_time_law(PathBounds(grid, first, second, -wide, wide, cap))
+    return PathBounds(grid, first, second, -wide, wide, 1.0 / np.max(np.abs(first) / LIMITS.qd, axis=1) ** 2)
 
-    class SamePath(toppra.interpolator.AbstractGeometricPath):
-        dof = property(lambda self: 7)
-        path_interval = property(lambda self: np.array([0.0, path.length]))
-        waypoints = property(lambda self: None)
 
-        def __call__(self, s, order=0):
-            return path(np.asarray(s), order)
-
-    constraints = [
-        toppra.constraint.JointVelocityConstraint(np.stack([-LIMITS.qd, LIMITS.qd], axis=1)),
-        toppra.constraint.JointAccelerationConstraint(np.stack([-LIMITS.qdd, LIMITS.qdd], axis=1)),
+def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
+    bounds = corner_bounds(4)
+    law = fastest_time_law(bounds)
+    # All grid points at once, in x alone: u of an interval is (x_next - x) / (2 delta), and its rows hold at both ends.
+    n = len(bounds.s)
+    identity = np.eye(n)
+    u = (identity[1:] - identity[:-1]) / (2.0 * np.diff(bounds.s))[:, None]
+    rows = [
+        bounds.a[end][:, :, None] * u[:, None] + bounds.b[end][:, :, None] * identity[end][:, None]
+        for end in (slice(None, -1), slice(1, None))
     ]
-    solver = toppra.algorithm.TOPPRA(constraints, SamePath(), gridpoints=grid, solver_wrapper="seidel")
-    speed = np.asarray(solver.compute_parameterization(0.0, 0.0)[1])
-    theirs = float(np.sum(2.0 * np.diff(grid) / (speed[1:] + speed[:-1])))
-    assert ours.duration == pytest.approx(theirs, rel=1e-3)
+    matrix = np.concatenate(rows).reshape(-1, n) / np.tile(LIMITS.qdd, 2 * (n - 1))[:, None]
+    assert np.max(np.abs(matrix @ law.speed**2)) <= 1.0 + 1e-5
+    assert np.all(law.speed**2 <= bounds.cap * (1.0 + 1e-6))
+    rest = np.where(np.arange(n) % (n - 1) == 0, 0.0, bounds.cap)
+    best = linprog(
+        -np.ones(n),
+        A_ub=csr_matrix(np.concatenate([matrix, -matrix])),
+        b_ub=np.ones(2 * len(matrix)),
+        bounds=np.stack([np.zeros(n), rest], axis=1),
+    )
+    assert best.success
+    speed = np.sqrt(np.maximum(best.x, 0.0))
+    assert law.duration == pytest.approx(np.sum(2.0 * np.diff(bounds.s) / (speed[1:] + speed[:-1])), rel=1e-3)
+    assert np.count_nonzero(np.abs(matrix @ law.speed**2) > 0.999) > n / 4  # it is rows that bind
+
+
+@pytest.mark.parametrize("length", [1e-7, 1.0, 1e4])
+@pytest.mark.parametrize("acceleration", [1e-3, 1.0, 1e4])
+def test_a_straight_move_takes_the_time_of_the_textbook_at_any_size(length, acceleration):
+    s = np.linspace(0.0, length, 201)
+    one, top = np.ones((201, 1)), np.sqrt(0.4 * length * acceleration)  # reached after a fifth of the way
+    law = fastest_time_law(PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, top**2 * one[:, 0]))
+    assert law.duration == pytest.approx(length / top + top / acceleration, rel=1e-5)
+    free = PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, np.full(201, LARGE_SPEED))
+    if length * acceleration < LARGE_SPEED:
+        assert fastest_time_law(free).duration == pytest.approx(2.0 * np.sqrt(length / acceleration), rel=1e-5)
+
+
+def test_where_resting_is_not_allowed_there_is_no_time_law():
+    bounds = corner_bounds(1)
+    with pytest.raises(RetimingError, match=r"no time law was found on \d+ grid points \(FailUncontrollable\); r"):
+        fastest_time_law(replace(bounds, low=bounds.low + 2.0 * LIMITS.qdd, high=bounds.high + 3.0 * LIMITS.qdd))
+
+
+def test_a_segment_without_a_time_law_is_named(robot, monkeypatch):
+    def refuse(bounds: PathBounds) -> None:
+        raise RetimingError(f"no time law was found on {len(bounds.s)} grid points")
+
+    monkeypatch.setattr(segment_timing, "fastest_time_law", refuse)
+    with pytest.raises(RetimingError, match=r"segment 'reach': no time law was found on \d+ grid points"):
+        retime(single(np.array([REST, REST + 0.1])), robot, LIMITS, SAFETY)
 
 
 def test_torques_are_the_same_one_by_one_and_all_at_once(robot):
