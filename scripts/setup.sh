@@ -75,7 +75,8 @@ fi
 say "installing the locked packages (about 8 GB on disk, most of it CUDA libraries that come with torch)"
 .tools/bin/uv pip sync --quiet --python .venv/bin/python --require-hashes requirements.lock
 .tools/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable .
-# Byte-compile now, so that not even the first command is slow.
-.venv/bin/python -m compileall -q perception control hw_interface sim_check planning prompts replan || true
+# Byte-compile now, so that the first command is neither slow nor prints the warnings of somebody else's docstrings.
+.venv/bin/python -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan \
+    .venv/lib/python*/site-packages/toppra || true
 printf '%s' "$want" >"$stamp"
 say "done; the command is .venv/bin/replan"
