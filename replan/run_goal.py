@@ -113,6 +113,9 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
 
 
 def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunReport:
+    # Imported now, while a simulated cell starts: the first retiming would wait a second for it.
+    import toppra  # noqa: F401  # pyright: ignore[reportUnusedImport]
+
     from control.limits import panda_limits
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
