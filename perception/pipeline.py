@@ -58,20 +58,22 @@ class Perception:
 
         Returns:
             One estimate per name that was seen (things seen by several cameras are merged), the others with reasons.
+            A camera without any depth (a wrist camera close to something) is left out and named in `source`.
 
         Raises:
-            FrameError: No frame, or a frame without any depth.
+            FrameError: No frame, or none with any depth.
             UnknownPhraseError: A name that the detector has no way to look for.
             ModelUnavailableError: The detector's or segmenter's weights are not on this machine.
         """
         if not frames:
             raise FrameError("there is no frame to look at; pass at least one RgbdFrame")
-        for frame in frames:
-            if not frame.valid_depth.any():
-                raise FrameError(
-                    f"the frame of camera '{frame.camera}' at {frame.stamp:.3f} s has no valid depth at all; "
-                    "check that the camera delivers depth in metres (NaN or 0 where unknown) and take another frame"
-                )
+        blind = [frame for frame in frames if not frame.valid_depth.any()]
+        frames = [frame for frame in frames if frame.valid_depth.any()]
+        if not frames:
+            raise FrameError(
+                f"the frame of camera '{blind[0].camera}' at {blind[0].stamp:.3f} s has no valid depth at all; "
+                "check that the camera delivers depth in metres (NaN or 0 where unknown) and take another frame"
+            )
         wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         views = [self._look(frame, wanted, seconds) for frame in frames]
@@ -90,7 +92,7 @@ class Perception:
             unseen=tuple(unseen),
             support_height=float(np.median(supports)),
             stamp=max(frame.stamp for frame in frames),
-            source=self.name,
+            source=self.name + "".join(f"; camera '{frame.camera}' has no depth" for frame in blind),
             seconds=seconds,
         )
 

@@ -1,4 +1,4 @@
-"""Perception alone, on recorded frames: objects.json and one overlay picture a frame."""
+"""Perception alone, on recorded frames: objects.json, an overlay picture and a coloured point cloud a frame."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -10,6 +10,7 @@ from control.errors import ConfigError
 from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from perception.pipeline import perception_from_options
+from perception.ply import write_ply
 from perception.recordings import open_recording
 from replan.episode import plain
 from replan.errors import DONE, NOT_REACHED
@@ -23,6 +24,7 @@ class FrameReport:
     stamp: float
     scene: SceneEstimate
     picture: Path
+    cloud: Path
 
     def as_json(self) -> dict[str, Any]:
         """As one JSON object; poses as world_T_object, lengths in [m]."""
@@ -30,6 +32,7 @@ class FrameReport:
             "camera": self.camera,
             "stamp": self.stamp,
             "picture": str(self.picture),
+            "cloud": str(self.cloud),
             "objects": [
                 {
                     "name": o.name,
@@ -123,7 +126,9 @@ def perceive_recording(
         scene = perception.perceive([frame], names)
         picture = out / f"frame_{k:04d}_{frame.camera}.png"
         cv2.imwrite(str(picture), overlay(frame, scene)[:, :, ::-1])
-        reports.append(FrameReport(frame.camera, frame.stamp, scene, picture))
+        cloud = picture.with_suffix(".ply")
+        write_ply(frame, cloud)
+        reports.append(FrameReport(frame.camera, frame.stamp, scene, picture, cloud))
         say(f"frame {k + 1}: {', '.join(scene.names) or 'nothing'} found")
     report = PerceiveReport(perception.name, tuple(reports), out)
     (out / "objects.json").write_text(json.dumps(report.as_json(), indent=1))

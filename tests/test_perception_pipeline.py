@@ -11,6 +11,7 @@ from perception.frames import RgbdFrame
 from perception.interfaces import Detection
 from perception.pictures import overlay
 from perception.pipeline import STAGES, Perception, default_perception, perception_from_options
+from perception.ply import write_ply
 from tests.perception_scenes import BLUE, GREEN, RED, WOOD, YELLOW, Thing, cube, render
 
 # Stereo noise at 0.8 m is 5 mm a point; outlines and averages bring a centre to 1 to 2 mm, seldom to 4.
@@ -167,6 +168,31 @@ def test_a_frame_without_any_depth_is_refused_with_the_cameras_name():
     blind = with_depth(frame, np.full(frame.depth.shape, np.nan))
     with pytest.raises(FrameError, match=r"camera 'static' at 1\.000 s has no valid depth at all; check that"):
         default_perception().perceive([blind], ["red_cube"])
+
+
+def test_a_camera_without_depth_is_left_out_and_named_when_another_one_sees():
+    frame = render([cube(RED, 0.5, 0.0)])
+    blind = replace(with_depth(frame, np.full(frame.depth.shape, np.nan)), camera="wrist")
+    scene = default_perception().perceive([frame, blind], ["red_cube"])
+    assert scene.names == ("red_cube",)
+    assert scene.source.endswith("; camera 'wrist' has no depth")
+
+
+def test_a_frame_is_written_as_a_coloured_cloud_in_the_world(tmp_path):
+    import open3d
+
+    frame = render([cube(RED, 0.5, 0.0)])
+    count = write_ply(frame, tmp_path / "frame.ply")
+    cloud = open3d.io.read_point_cloud(str(tmp_path / "frame.ply"))
+    points, colours = np.asarray(cloud.points), np.asarray(cloud.colors)
+    assert len(points) == count == int(frame.valid_depth.sum())
+    reddish = (colours[:, 0] > 0.4) & (colours[:, 1] < 0.25)
+    assert np.abs(points[reddish][:, :2] - (0.5, 0.0)).max() < 0.06  # the cube is 60 mm wide and turned
+
+
+def test_a_cloud_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(FrameError, match="cannot write the point cloud"):
+        write_ply(render([]), tmp_path / "nowhere" / "frame.ply")
 
 
 def test_no_frame_at_all_is_refused():

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class Perceive:
     """Find objects and their poses in recorded RGB-D frames, without a robot.
 
-    Writes one overlay picture per frame and objects.json into the output folder.
+    Writes an overlay picture and a coloured point cloud (PLY) per frame, and objects.json, into the output folder.
     """
 
     recording: tyro.conf.Positional[Path]
