@@ -225,7 +225,8 @@ class _Run:
         latest = after or self.sight.look()  # fresh eyes after every motion, whatever came of it
         if cause is None:
             cause = self._judged(spec, latest, scene)
-            self.say("seen: the step is done" if cause is None else f"seen: not done, {cause.message}")
+        else:
+            self.say(f"failed: {cause.kind}: {cause.message}")
         if cause is None:
             self.achieved.append(_Achieved(action, spec, scene))
         else:
@@ -256,6 +257,7 @@ class _Run:
         except UnknownObjectError as error:
             return FailureCause("not_seen", term.subject, str(error))
         self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
+        self.say(f"seen: {judgement.text}" + ("" if judgement.met else " (not what was wanted)"))
         if judgement.met:
             return None
         return FailureCause("not_achieved", term.subject, judgement.text, evidence={"residual": judgement.residual})
