@@ -1,11 +1,14 @@
 """Cell files are read strictly, and mistakes in them are told by name."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from control.errors import ConfigError
 from control.safety import SafetyLimits
 from sim_check.cells import builtin_cells, load_cell
+from sim_check.world import build_world
 
 SMALLEST = """\
 name: mine
@@ -183,3 +186,11 @@ def test_a_calibrated_camera_is_given_by_its_quaternion(write):
 def test_a_camera_that_is_not_there_is_answered_with_those_that_are():
     with pytest.raises(ConfigError, match=r"no camera 'side'; it has \['static', 'wrist'\]"):
         load_cell("cubes").camera("side")
+
+
+def test_the_example_of_the_documentation_is_a_valid_cell(tmp_path):
+    text = (Path(__file__).resolve().parents[1] / "docs" / "cells.md").read_text()
+    (tmp_path / "my-bench.yaml").write_text(text.split("```yaml\n")[1].split("```")[0])
+    cell = load_cell(tmp_path / "my-bench.yaml")
+    assert cell.safety_limits().hand_speed == 0.3
+    assert build_world(cell, 0, meshes=False).object_names
