@@ -20,6 +20,90 @@ TABLE_BODY = "table"
 
 
 @dataclass(frozen=True)
+class Handle:
+    """A straight bar to take hold of: of a door, a lever's knob, a kettle's handle.
+
+    Everything is in the frame of the body that it belongs to (a door's own moving frame, a kettle's body frame).
+
+    Attributes:
+        body: Name of its MuJoCo body.
+        shape: "capsule" (round: any direction across the axis does) or "box".
+        centre: Middle of the graspable part in [m], shape (3,).
+        axis: Unit vector along the bar, shape (3,).
+        outward: Unit vector away from what it is fastened to, normal to the axis, shape (3,): fingers come from there.
+        half_length: Half of the graspable length in [m]; stand-offs are left out.
+        half_width: Half of its thickness across axis and outward in [m].
+        half_depth: Half of its thickness along outward in [m].
+        clearance: Free depth between its back and what it is fastened to in [m]; infinite when there is nothing.
+    """
+
+    body: str
+    shape: Literal["capsule", "box"]
+    centre: np.ndarray
+    axis: np.ndarray
+    outward: np.ndarray
+    half_length: float
+    half_width: float
+    half_depth: float
+    clearance: float
+
+
+@dataclass(frozen=True)
+class TwinJoint:
+    """One joint of furniture that a robot can drive: a door, a lever.
+
+    Axis and anchor in the world are `MjData.xaxis` and `MjData.xanchor` of the MuJoCo joint of the same name.
+
+    Attributes:
+        name: Name of the joint, of its MuJoCo joint and of its moving MuJoCo body alike.
+        body: Name of the moving body.
+        owner: Furniture that it belongs to: the name of a `TwinObject` and of its fixed body.
+        kind: Whether it turns ([rad]) or slides ([m]).
+        closed, opened: Joint positions at fraction 0 and 1, in [rad] or [m].
+        axis: Unit vector of the joint in the moving body's frame, shape (3,): the moving body turns by the right-hand
+            rule about it, or slides along it, as the joint position grows.
+        anchor: A point on the joint's axis in the moving body's frame in [m], shape (3,).
+        handle: What to take hold of, in the moving body's frame.
+    """
+
+    name: str
+    body: str
+    owner: str
+    kind: Literal["hinge", "slide"]
+    closed: float
+    opened: float
+    axis: np.ndarray
+    anchor: np.ndarray
+    handle: Handle
+
+    def position(self, fraction: float) -> float:
+        """Joint position in [rad] or [m] at a fraction, 0 closed .. 1 open."""
+        return self.closed + fraction * (self.opened - self.closed)
+
+    def fraction(self, position: float) -> float:
+        """Fraction, 0 closed .. 1 open, of a joint position in [rad] or [m]; not cut at the ends."""
+        return (position - self.closed) / (self.opened - self.closed)
+
+
+@dataclass(frozen=True)
+class TwinCompartment:
+    """The inside of furniture, where things can be put.
+
+    Attributes:
+        owner: Furniture that it belongs to; its corners are in that body's frame.
+        low, high: Corners of the free inside in [m], shape (3,): low's z is the shelf's surface.
+        outward: Unit vector from the inside through the opening, in the owner's frame, shape (3,).
+        joints: Joints whose doors close it; any that covers the place in question must be open.
+    """
+
+    owner: str
+    low: np.ndarray
+    high: np.ndarray
+    outward: np.ndarray
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class TwinObject:
     """One thing in the twin, apart from robot and table.
 
@@ -33,6 +117,7 @@ class TwinObject:
         inner_radius: Radius of a container's opening in [m], else 0.
         position_std: Spread of its position as perceived, in [m], shape (3,).
         yaw_std: Spread of its yaw in [rad]; infinite where it has none.
+        handle: What to take hold of when the whole is too wide for the gripper (a kettle), or None.
     """
 
     name: str
@@ -44,6 +129,7 @@ class TwinObject:
     inner_radius: float
     position_std: np.ndarray
     yaw_std: float
+    handle: Handle | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +145,8 @@ class TwinModel:
         objects: Everything that was perceived.
         support_height: Height of the table top in [m].
         scene_stamp: Time of the frame that it was built from in [s].
+        joints: Joints of furniture that a robot can drive; the furniture itself is among `objects`, not movable.
+        compartments: Insides of furniture.
     """
 
     model: mujoco.MjModel
@@ -69,10 +157,25 @@ class TwinModel:
     objects: tuple[TwinObject, ...]
     support_height: float
     scene_stamp: float
+    joints: tuple[TwinJoint, ...] = ()
+    compartments: tuple[TwinCompartment, ...] = ()
 
     def get(self, name: str) -> TwinObject | None:
         """The object of this name, or None."""
         return next((o for o in self.objects if o.name == name), None)
+
+    def joint(self, name: str) -> TwinJoint | None:
+        """The furniture joint of this name, or None."""
+        return next((j for j in self.joints if j.name == name), None)
+
+    def joint_fractions(self, qpos: np.ndarray | None = None) -> dict[str, float]:
+        """Fraction of every furniture joint, 0 closed .. 1 open.
+
+        Args:
+            qpos: Configuration, shape (nq,); the start's if None.
+        """
+        state = self.qpos if qpos is None else qpos
+        return {j.name: j.fraction(float(state[self.model.joint(j.name).qposadr[0]])) for j in self.joints}
 
     def start(self) -> mujoco.MjData:
         """Fresh data in the start state, with controls that hold it, forwarded."""

@@ -1,6 +1,8 @@
 """What perception believes: objects with poses. Needs numpy only."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -42,6 +44,8 @@ class ObjectEstimate:
         score: Detector's confidence, 0..1.
         stamp: Time of the frame in [s].
         evidence: Pictures, one per camera that saw it.
+        joint_fractions: How far each of its joints is open, 0 closed .. 1 open, by joint name; empty for things
+            without joints. A joint of furniture that is left out counts as closed.
     """
 
     name: str
@@ -54,6 +58,7 @@ class ObjectEstimate:
     score: float
     stamp: float
     evidence: tuple[Evidence, ...] = ()
+    joint_fractions: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def position(self) -> np.ndarray:
