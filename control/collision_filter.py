@@ -24,6 +24,7 @@ from control.twin_model import (
 )
 
 PLANNING_MARGIN = 0.003  # [m] on top of the judged clearances: what smoothing, tracking and sampling may eat
+NEAR_MARGIN = 0.001  # [m], the same for the last stretch to a grasp between close walls: slow, short and straight
 SELF_TOLERANCE = 0.001  # [m]
 HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
 PRESSED = 0.006  # [m] that an object may seem to overlap what carries it: errors of two perceived heights

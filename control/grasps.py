@@ -14,7 +14,6 @@ from control.safety import SafetyLimits
 
 MAX_OPENING = 0.08  # [m] between the pads of the Franka hand
 PITCHES = np.radians([90.0, 75.0, 60.0, 45.0, 32.0, 25.0])
-ROUND_AZIMUTHS = 12
 FINGERTIP = 0.0095  # [m] that the fingertips reach past the tool centre point (Franka hand)
 PALM_ROOM = 0.030  # [m] from the tool centre point to 7 mm in front of the palm (Franka hand: 37 mm to the palm)
 LEAST_HOLD = 0.010  # [m] of the object that lies between the pads at least
@@ -22,6 +21,28 @@ SHALLOWER = 0.010  # [m]: a second, shallower grasp keeps the hand further from 
 ABOVE_TABLE = 0.004  # [m] of room under the fingertips, for errors of perceived heights
 TALL = 0.03  # half height in [m] from which grasps further up are offered
 LEVEL = 0.35  # largest vertical part of a width direction: fingers close about horizontally
+# A round thing that the pads' lower edges hold above its middle is pressed downwards: the tangent of this angle (0.21)
+# is less than a third of the least friction of the pads in a perturbed twin (1.0 less 30 %).
+STEEPEST_HOLD = np.radians(12.0)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """How many grasps are offered.
+
+    Attributes:
+        azimuths: Directions in which fingers close on a round thing, over a full turn.
+        raises: Grasps of a round thing between its middle and as far above it as the pads still hold it; 0 leaves
+            these out.
+    """
+
+    azimuths: int = 12
+    raises: int = 0
+
+
+USUAL = Offer()
+# Between close walls: finer turns find the gap, and a hand that stays higher has more room where walls lean outwards.
+BETWEEN_WALLS = Offer(azimuths=24, raises=4)
 
 
 @dataclass(frozen=True)
@@ -69,17 +90,18 @@ def graspable_width(body: PosedObject) -> float:
     return min(widths, default=float(np.min(body.extents)))
 
 
-def grasps(body: PosedObject, safety: SafetyLimits, support_height: float) -> list[Grasp]:
+def grasps(body: PosedObject, safety: SafetyLimits, support_height: float, offer: Offer = USUAL) -> list[Grasp]:
     """All grasps of an object that its width allows, steepest first; reach and collisions are for others to judge.
 
     Args:
         body: The object where it is.
         safety: For the clearance between open fingers and what they go around.
         support_height: Height of the table top in [m], below which no fingertip goes.
+        offer: How many.
     """
     widest = MAX_OPENING - 2 * safety.finger_clearance
     out: list[Grasp] = []
-    for closing, width in _closings(body):
+    for closing, width in _closings(body, offer.azimuths):
         if width > widest:
             continue
         for pitch in PITCHES:
@@ -87,7 +109,7 @@ def grasps(body: PosedObject, safety: SafetyLimits, support_height: float) -> li
             rotation = tcp_frame(approach, closing)
             out += [
                 Grasp(pose(rotation, point), approach, width, float(pitch))
-                for point in _points(body, approach, closing, safety, support_height)
+                for point in _points(body, approach, closing, safety, support_height, offer.raises)
             ]
     return sorted(out, key=lambda g: -g.pitch)
 
@@ -98,12 +120,12 @@ def _level_widths(body: PosedObject) -> list[tuple[int, np.ndarray]]:
     return [(i, a) for i, a in axes if abs(a[2]) <= LEVEL]
 
 
-def _closings(body: PosedObject) -> list[tuple[np.ndarray, float]]:
+def _closings(body: PosedObject, azimuths: int) -> list[tuple[np.ndarray, float]]:
     """Directions in which fingers could move, with the width that they meet there in [m]."""
     upright = abs(body.pose[2, 2]) > 1 - LEVEL**2
     if body.shape == "sphere" or (body.shape == "cylinder" and upright):
         diameter = float(np.max(body.extents if body.shape == "sphere" else body.extents[:2]))
-        angles = np.arange(ROUND_AZIMUTHS) * 2 * np.pi / ROUND_AZIMUTHS
+        angles = np.arange(azimuths) * 2 * np.pi / azimuths
         return [(np.array([np.cos(a), np.sin(a), 0.0]), diameter) for a in angles]
     out = []
     for i, axis in _level_widths(body):
@@ -120,7 +142,12 @@ def _approach(closing: np.ndarray, pitch: float) -> np.ndarray:
 
 
 def _points(
-    body: PosedObject, approach: np.ndarray, closing: np.ndarray, safety: SafetyLimits, support_height: float
+    body: PosedObject,
+    approach: np.ndarray,
+    closing: np.ndarray,
+    safety: SafetyLimits,
+    support_height: float,
+    raises: int,
 ) -> list[np.ndarray]:
     """Places of the tool centre point: along the object's length, as deep as fingers, palm and table allow."""
     side = np.array([-closing[1], closing[0], 0.0])
@@ -129,6 +156,10 @@ def _points(
     depth = _support(body, approach)  # from the middle to the surface that the hand comes to
     shallow = max(0.0, depth - PALM_ROOM)
     backs = {shallow, min(shallow + SHALLOWER, max(shallow, depth - LEAST_HOLD))}
+    if raises and body.shape == "sphere":
+        # The pads' edges touch a ball of radius r at a height r sin(angle) above its middle.
+        highest = max(shallow, FINGERTIP + depth * float(np.sin(STEEPEST_HOLD)))
+        backs |= set(np.linspace(shallow, highest, raises).tolist())
     lowest = support_height + FINGERTIP + safety.finger_clearance + ABOVE_TABLE
     points = [body.position - back * approach for back in sorted(backs)]
     if body.half_height > TALL:  # a tall thing can be held higher up as well

@@ -1,12 +1,17 @@
-"""Grasps that the arm can really reach: free on the way in, around the object, and while lifting it."""
+"""Grasps that the arm can really reach: free on the way in, around the object, and while lifting it.
+
+There are two manners of taking something. The usual one keeps well off everything. Only where it finds nothing, hands
+are tried that come between close walls: more directions, higher holds, fingers that open less, and a smaller planning
+margin on the last stretch. Both keep the clearances of the safety table.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from control.collision_filter import Held, Phase
+from control.collision_filter import CollisionFilter, Held, Phase
 from control.goal_predicates import PosedObject
-from control.grasps import MAX_OPENING, Grasp, grasps
+from control.grasps import BETWEEN_WALLS, MAX_OPENING, USUAL, Grasp, Offer, grasps
 from control.limits import REST_Q
 from control.trajectory import GripperCommand, PathSegment
 from control.workbench import Workbench, straight_targets
@@ -14,6 +19,10 @@ from control.workbench import Workbench, straight_targets
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
 LIFT = 0.06  # [m] straight up after a grasp, and straight down before a release
 SPARE_OPENING = 0.022  # [m] that fingers open beyond an object where they cannot open fully
+# The same between close walls, in steps down to what the finger clearance on either side leaves.
+NARROWER_OPENINGS = (0.022, 0.016, 0.012, 0.009)
+LEAST_SPARE = 0.002  # [m] that an opening is wider than an object and its finger clearances: errors of its width
+NARROW_WEIGHT = 20.0  # [rad/m], of fingers that open less than fully, in the choice between close walls
 MOST_READY = 24  # grasps that are looked for; more would only be joined with the same places
 ASIDE_WEIGHT = 20.0  # [rad/m], of a grasp off the object's middle
 SLOW, MEDIUM = 0.4, 0.7  # shares of the allowed speed near contacts
@@ -53,37 +62,105 @@ def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
     body = bench.objects[subject]
     if bench.twin.held == subject:
         return [_already_held(bench, body)]
-    offered = grasps(body, bench.safety, bench.twin.support_height)
+    out = _usual(bench, body)
+    if not out and bench.counts["grasps_reachable"]:
+        out = _between_walls(bench, body)
+    bench.counts["grasps_free"] += len(out)
+    return out
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """Grasps that the arm reaches along straight ways in and up; row by row.
+
+    Attributes:
+        grasps: Which grasps.
+        q: Arm at the grasp in [rad], shape (n, 7).
+        outwards: From the grasp to the pre-grasp, n arrays of shape (k, 7).
+        upwards: From the grasp to the lifted pose, n arrays of shape (m, 7).
+        efforts: Lower is better, shape (n,).
+    """
+
+    grasps: list[Grasp]
+    q: np.ndarray
+    outwards: list[np.ndarray]
+    upwards: list[np.ndarray]
+    efforts: np.ndarray
+
+
+def _usual(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
+    """Least effort first, with fully open fingers wherever there is room."""
+    ways = _ways(bench, body, USUAL)
+    out: list[ReadyGrasp] = []
+    for i in np.argsort(ways.efforts, kind="stable"):
+        width = ways.grasps[i].width
+        ready = _ready(bench, body, ways, int(i), (MAX_OPENING, min(MAX_OPENING, width + SPARE_OPENING)), bench.filter)
+        out += [ready] if ready else []
+        if len(out) == MOST_READY:
+            break
+    return out
+
+
+def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
+    """Least effort first, where fingers that open less count as effort: these may touch what is wider than it seems."""
+    bench.counts["grasps_between_walls"] += 1
+    ways, check = _ways(bench, body, BETWEEN_WALLS), bench.near_filter()
+    least = 2 * bench.safety.finger_clearance + LEAST_SPARE
+    spares = [s for s in NARROWER_OPENINGS if s > least] + [least]
+    rows: list[tuple[float, int, tuple[float, ...]]] = []
+    for i, grasp in enumerate(ways.grasps):
+        openings = (MAX_OPENING, *(grasp.width + s for s in spares if grasp.width + s < MAX_OPENING))
+        free = tuple(o for o in openings if check.clear(ways.q[i], Phase.GRASP, o))
+        if free:
+            rows.append((ways.efforts[i] + NARROW_WEIGHT * (MAX_OPENING - free[0]), i, free))
+    out: list[ReadyGrasp] = []
+    for _, i, openings in sorted(rows):
+        ready = _ready(bench, body, ways, i, openings, check)
+        out += [ready] if ready else []
+        if len(out) == MOST_READY:
+            break
+    bench.filter.checks += check.checks
+    return out
+
+
+def _ways(bench: Workbench, body: PosedObject, offer: Offer) -> _Ways:
+    """Grasps of an offer that the arm reaches, comes to and lifts from in straight lines."""
+    offered = grasps(body, bench.safety, bench.twin.support_height, offer)
     bench.counts["grasps"] += len(offered)
-    if not offered:
-        return []
-    owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]))
+    owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
     bench.counts["grasps_reachable"] += len(set(owners.tolist()))
-    if not len(owners):
-        return []
     chosen = [offered[i] for i in owners]
     outwards, ok_out = bench.follow(
         solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.approach) for g in chosen]
     )
     up = np.array([0.0, 0.0, LIFT])
     upwards, ok_up = bench.follow(solutions, [straight_targets(g.world_T_tcp, up) for g in chosen])
-    bench.counts["grasps_followed"] += int((ok_out & ok_up).sum())
-    out: list[ReadyGrasp] = []
-    efforts = [_effort(bench, q, g, body) for q, g in zip(solutions, chosen, strict=True)]
-    for i in sorted(np.flatnonzero(ok_out & ok_up), key=lambda i: efforts[i]):
-        if len(out) == MOST_READY:
-            break
-        grasp, q = chosen[i], solutions[i]
-        held = Held(np.linalg.inv(grasp.world_T_tcp) @ body.pose)
-        lift = np.vstack([q[None], upwards[i]])
-        opening = _first_opening(bench, q, outwards[i], grasp.width)
-        if opening is None or not bench.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
-            continue
-        if not bench.filter.path_clear(lift, Phase.CONTACT, grasp.width, held):
-            continue
-        out.append(ReadyGrasp(grasp, q, np.vstack([outwards[i][::-1], q[None]]), lift, held, opening, grasp.width))
-    bench.counts["grasps_free"] += len(out)
-    return out
+    rows = np.flatnonzero(ok_out & ok_up)
+    bench.counts["grasps_followed"] += len(rows)
+    return _Ways(
+        [chosen[i] for i in rows],
+        solutions[rows],
+        [outwards[i] for i in rows],
+        [upwards[i] for i in rows],
+        np.array([_effort(bench, solutions[i], chosen[i], body) for i in rows]),
+    )
+
+
+def _ready(
+    bench: Workbench, body: PosedObject, ways: _Ways, i: int, openings: tuple[float, ...], near: CollisionFilter
+) -> ReadyGrasp | None:
+    """One grasp with the first of some openings that is free all the way in and up; `near` judges next to the grasp."""
+    grasp, q, outwards = ways.grasps[i], ways.q[i], ways.outwards[i]
+    opening = next((o for o in openings if _way_in_clear(bench, q, outwards, o, near)), None)
+    if opening is None:
+        return None
+    held = Held(np.linalg.inv(grasp.world_T_tcp) @ body.pose)
+    lift = np.vstack([q[None], ways.upwards[i]])
+    if not bench.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
+        return None
+    if not near.path_clear(lift, Phase.CONTACT, grasp.width, held):
+        return None
+    return ReadyGrasp(grasp, q, np.vstack([outwards[::-1], q[None]]), lift, held, opening, grasp.width)
 
 
 def reach_path(bench: Workbench, grasp: ReadyGrasp, planner: bool = False) -> np.ndarray | None:
@@ -139,16 +216,13 @@ def _already_held(bench: Workbench, body: PosedObject) -> ReadyGrasp:
     return ReadyGrasp(None, bench.start_q, np.zeros((0, 7)), lift, held, width, width)
 
 
-def _first_opening(bench: Workbench, q: np.ndarray, outwards: np.ndarray, width: float) -> float | None:
-    """The widest opening with which the hand can come to a grasp freely, or None."""
-    for opening in (MAX_OPENING, min(MAX_OPENING, width + SPARE_OPENING)):
-        if (
-            bench.filter.clear(outwards[-1], Phase.FREE, opening)
-            and bench.filter.clear(q, Phase.GRASP, opening)
-            and bench.filter.path_clear(outwards[:-1], Phase.GRASP, opening)
-        ):
-            return opening
-    return None
+def _way_in_clear(bench: Workbench, q: np.ndarray, outwards: np.ndarray, opening: float, near: CollisionFilter) -> bool:
+    """Whether the hand can come to a grasp with this opening; the pre-grasp is a free posture like any other."""
+    return (
+        bench.filter.clear(outwards[-1], Phase.FREE, opening)
+        and near.clear(q, Phase.GRASP, opening)
+        and near.path_clear(outwards[:-1], Phase.GRASP, opening)
+    )
 
 
 def _effort(bench: Workbench, q: np.ndarray, grasp: Grasp, body: PosedObject) -> float:

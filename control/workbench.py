@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from control.collision_filter import CollisionFilter, Held, Phase, body_name
+from control.collision_filter import NEAR_MARGIN, CollisionFilter, Held, Phase, body_name
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
@@ -52,10 +52,9 @@ class Workbench:
     def __post_init__(self) -> None:
         data = self.twin.start()
         self.objects = posed_objects(self.twin, data)
-        handled = self.subtask.subject or self.twin.held
+        handled = self._handled
         self.supports = tuple(sorted(resting_on(self.twin.model, data, handled))) if handled else ()
-        allowed = {*self.supports, TABLE_BODY, *([self.subtask.target] if self.subtask.target else [])}
-        self.filter = CollisionFilter(self.twin, self.safety, handled, allowed)
+        self.filter = CollisionFilter(self.twin, self.safety, handled, self._allowed)
         self.vias = _vias(self.limits, self.rng)
         self.rest_palm = palm_at(self.twin, REST_Q)
         base = data.body(ARM_BODIES[0])
@@ -63,6 +62,21 @@ class Workbench:
         self._base_T_world = np.eye(4)
         self._base_T_world[:3, :3] = rotation.T
         self._base_T_world[:3, 3] = -rotation.T @ base.xpos
+
+    @property
+    def _handled(self) -> str | None:
+        return self.subtask.subject or self.twin.held
+
+    @property
+    def _allowed(self) -> set[str]:
+        """What the handled object may touch."""
+        return {*self.supports, TABLE_BODY, *([self.subtask.target] if self.subtask.target else [])}
+
+    def near_filter(self) -> CollisionFilter:
+        """A filter for the last stretch to a grasp, with `NEAR_MARGIN`; who is too close is counted with `filter`."""
+        out = CollisionFilter(self.twin, self.safety, self._handled, self._allowed, margin=NEAR_MARGIN)
+        out.rejected_by = self.filter.rejected_by
+        return out
 
     @property
     def start_q(self) -> np.ndarray:

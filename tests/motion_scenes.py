@@ -64,6 +64,14 @@ def fruit() -> TwinModel:
     )
 
 
+def ball_in_bowl(diameter: float = 0.057, aside: float = 0.012) -> TwinModel:
+    """A ball on the floor of a bowl, off its middle: the walls come close to it on one side."""
+    return twin_of(
+        estimate("bowl", (0.50, 0.05, 0.0265), BOWL, "cylinder"),
+        estimate("ball", (0.50 + aside, 0.05, 0.006 + diameter / 2), (diameter,) * 3, "sphere"),
+    )
+
+
 def only(kind, subject, target=None, value=None) -> RewardSpec:
     """A spec of one primary term."""
     return RewardSpec((RewardTerm(kind, subject, target, value, primary=True),))

@@ -11,7 +11,7 @@ from control.candidates import candidates
 from control.collision_filter import CollisionFilter, Phase
 from control.errors import RewardSpecError
 from control.failure import FailureCause
-from control.grasps import MAX_OPENING, grasps
+from control.grasps import BETWEEN_WALLS, FINGERTIP, MAX_OPENING, STEEPEST_HOLD, grasps
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
@@ -22,7 +22,19 @@ from control.subtasks import posed_objects, read_subtask
 from control.transits import rrt_connect, transit
 from control.workbench import Workbench
 from sim_check.twin import perturbed_twin
-from tests.motion_scenes import CRATE, CUBE, arm, blocked, cubes, fruit, hand_at, only, red_on_crate, twin_of
+from tests.motion_scenes import (
+    CRATE,
+    CUBE,
+    arm,
+    ball_in_bowl,
+    blocked,
+    cubes,
+    fruit,
+    hand_at,
+    only,
+    red_on_crate,
+    twin_of,
+)
 from tests.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
@@ -147,6 +159,50 @@ def test_no_grasp_is_wider_than_the_hand_or_below_the_table():
         assert grasp.world_T_tcp[2, 3] > 0.01 and grasp.approach[2] < -0.4
         rotation = grasp.world_T_tcp[:3, :3]
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+
+
+def test_a_ball_between_the_close_walls_of_a_bowl_is_taken_out_within_the_clearances_of_the_safety_table():
+    twin = ball_in_bowl()
+    plan = search(twin, only("maximize_l2_distance", "ball", "bowl", 0.2))
+    assert isinstance(plan, MotionPlan) and plan.stats.counts["grasps_between_walls"] == 1
+    ends = final_positions(twin, plan)
+    assert np.linalg.norm(ends["ball"][:2] - ends["bowl"][:2]) > 0.19
+    assert ends["ball"][2] == pytest.approx(0.0285, abs=0.003)
+    np.testing.assert_allclose(ends["bowl"][:2], [0.50, 0.05], atol=0.002)
+    reach, approach = plan.path.segments[:2]
+    opening = reach.gripper.width if reach.gripper else MAX_OPENING
+    assert opening >= 0.057 + 2 * SAFETY.finger_clearance
+    judge = CollisionFilter(twin, SAFETY, "ball", ["bowl"], margin=0.0)
+    assert judge.path_clear(approach.q, Phase.GRASP, opening)
+
+
+@pytest.mark.parametrize(
+    ("diameter", "aside", "finger_clearance"), [(0.03, 0.02, SAFETY.finger_clearance), (0.057, 0.012, 0.010)]
+)
+def test_a_ball_is_refused_and_its_bowl_named_where_walls_or_the_safety_table_leave_fingers_no_room(
+    diameter, aside, finger_clearance
+):
+    safety = SafetyLimits(finger_clearance=finger_clearance)
+    away = only("maximize_l2_distance", "ball", "bowl", 0.2)
+    twin = ball_in_bowl(diameter, aside)
+    cause = plan_motion(twin, away, safety, np.random.default_rng(0), kinematics=arm(), nthread=1)
+    assert isinstance(cause, FailureCause) and cause.kind == "no_candidate"
+    assert "'ball' cannot be taken: all " in cause.message and "too close to 'bowl'" in cause.message
+
+
+def test_where_there_is_room_nobody_looks_for_ways_between_walls():
+    plan = search(fruit(), only("set_obj_z_position", "apple", None, 0.2))
+    assert isinstance(plan, MotionPlan) and "grasps_between_walls" not in plan.stats.counts
+
+
+def test_higher_holds_of_a_round_thing_stay_where_friction_holds_it():
+    ball = posed_objects(fruit(), fruit().start())["apple"]
+    usual, more = grasps(ball, SAFETY, 0.0), grasps(ball, SAFETY, 0.0, BETWEEN_WALLS)
+    assert len(more) > 3 * len(usual)
+    raised = [-float((g.world_T_tcp[:3, 3] - ball.position) @ g.approach) for g in more]
+    radius = ball.extents[0] / 2
+    edge = max(raised) - FINGERTIP  # of the pads, above the ball's middle
+    assert 0.003 < edge <= radius * np.sin(STEEPEST_HOLD) + 1e-9
 
 
 def test_the_filter_keeps_the_hand_off_the_table_and_names_what_is_too_close():

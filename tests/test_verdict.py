@@ -14,7 +14,7 @@ from control.safety import SafetyLimits
 from control.trajectory import JointPath, PathSegment, Trajectory
 from control.transits import straight
 from sim_check.verdict import judge_trajectory, wilson_interval
-from tests.motion_scenes import arm, cubes, hand_at, only, red_on_crate
+from tests.motion_scenes import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 
@@ -62,6 +62,16 @@ def test_a_motion_from_the_search_passes_with_every_check_listed_once():
     } <= set(names)
     assert {"arm_clearance", "held_clearance", "held_kept", "released", "reward_met"} <= set(names)
     assert verdict.steps > 3000
+
+
+def test_taking_a_ball_out_from_between_close_walls_keeps_every_clearance_while_it_is_played():
+    spec, twin = only("maximize_l2_distance", "ball", "bowl", 0.2), ball_in_bowl()
+    plan = plan_motion(twin, spec, SAFETY, np.random.default_rng(0), kinematics=arm(), nthread=1)
+    assert isinstance(plan, MotionPlan)
+    trajectory = retime(plan.path, robot(), LIMITS, SAFETY)
+    rng = np.random.default_rng(0)
+    verdict = judge_trajectory(trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed=2, nthread=1, robot=robot())
+    assert verdict.passed and verdict.failed_checks == () and verdict.successes == 2
 
 
 def test_the_verdict_does_not_depend_on_the_number_of_threads():
