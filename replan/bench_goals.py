@@ -52,12 +52,14 @@ class BenchGoal:
         cell: Built-in cell.
         names: Objects that may be moved; all others must stay within `UNTOUCHED`.
         scorer: (true poses before, after) -> whether the goal was reached.
+        options: Options of the cell that are on.
     """
 
     goal: str
     cell: str
     names: tuple[str, ...]
     scorer: Callable[[Poses, Poses], bool]
+    options: tuple[str, ...] = ()
 
 
 GOALS = {
@@ -68,6 +70,9 @@ GOALS = {
     "apple_in_bowl": BenchGoal("place the apple in the bowl", "fruit-bowl", ("apple",), _apple_in_bowl),
     "red_on_blocked_crate": BenchGoal(
         "place the red cube on the crate", "cubes-blocked", ("red_cube", "yellow_cube"), _red_on_crate
+    ),
+    "apple_in_bowl_with_lemon": BenchGoal(
+        "place the apple in the bowl", "fruit-bowl", ("apple", "lemon"), _apple_in_bowl, ("lemon_in_bowl",)
     ),
 }
 
@@ -114,11 +119,11 @@ class BenchReport:
     def as_text(self) -> str:
         """As a table."""
         head = ("goal", "success", "claimed", "median s", "median steps", "replans", "violations")
-        lines = ["{:24} {:>9} {:>8} {:>9} {:>13} {:>8} {:>11}".format(*head)]
+        lines = ["{:26} {:>9} {:>8} {:>9} {:>13} {:>8} {:>11}".format(*head)]
         for name, score in self.goals.items():
             s = score.as_json()
             lines.append(
-                f"{name:24} {s['success']:>4}/{s['runs']:<4} {s['claimed']:>8} {s['median_wall_s']:>9} "
+                f"{name:26} {s['success']:>4}/{s['runs']:<4} {s['claimed']:>8} {s['median_wall_s']:>9} "
                 f"{s['median_steps']:>13} {s['median_replans']:>8} {s['limit_violations']:>4}/{s['trajectories']:<6}"
             )
             lines += [f"    seed {seed}: {reason}" for seed, reason in s["failures"].items()]
@@ -175,7 +180,9 @@ def _run_once(goal: BenchGoal, seed: int, speed: float, runs_dir: Path, score: G
     started = time.monotonic()
     try:
         report = run_goal(
-            RunOptions(goal.goal, cell=goal.cell, seed=seed, speed=speed, runs_dir=runs_dir, video=False, score=True),
+            RunOptions(
+                goal.goal, goal.cell, goal.options, seed=seed, speed=speed, runs_dir=runs_dir, video=False, score=True
+            ),
             say=lambda _text: None,
             on_client=lambda when, client: truth.update({when: client.truth()}),
         )
