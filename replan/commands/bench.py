@@ -43,6 +43,7 @@ class _BenchScript:
     """A script of the folder benchmarks/, which prints its own table or JSON."""
 
     MODULE: ClassVar[str]
+    EXTRA: ClassVar[tuple[str, ...]] = ()
 
     seeds: int = 20
     """Number of seeds."""
@@ -51,7 +52,8 @@ class _BenchScript:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", self.MODULE, "--seeds", str(self.seeds)] + ["--json"] * self.json
+        command = [sys.executable, "-m", self.MODULE, "--seeds", str(self.seeds), *self.EXTRA]
+        command += ["--json"] * self.json
         return subprocess.call(command, cwd=Path(__file__).resolve().parents[2])
 
 
@@ -60,6 +62,7 @@ class BenchPoses(_BenchScript):
     """Pose error of the embedded perception against truth over seeded simulated cells."""
 
     MODULE: ClassVar[str] = "benchmarks.pose_error"
+    EXTRA: ClassVar[tuple[str, ...]] = ("--cameras", "static", "wrist")  # as a run looks
 
 
 @dataclass(frozen=True)
