@@ -7,24 +7,27 @@ person would write down about a real one.
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from control.errors import ConfigError
 from control.safety import SafetyLimits
 from perception.frames import CameraIntrinsics
+from sim_check.furniture_config import FurnitureConfig
+from sim_check.simulation_config import DepthNoiseConfig, PlacementConfig, SimulationConfig, check_simulation
+from sim_check.strict_config import Name, Positive, Strict, Vector3
 
-Vector2 = tuple[float, float]
-Vector3 = tuple[float, float, float]
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+__all__ = [
+    "BoxConfig",
+    "CameraConfig",
+    "CellConfig",
+    "DepthNoiseConfig",
+    "PlacementConfig",
+    "RobotConfig",
+    "SimulationConfig",
+]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RobotConfig(_Strict):
+class RobotConfig(Strict):
     """Which robot, and where it stands.
 
     Attributes:
@@ -49,7 +52,7 @@ class RobotConfig(_Strict):
         return pose
 
 
-class CameraConfig(_Strict):
+class CameraConfig(Strict):
     """A pinhole camera that stands in the world ("static") or rides on the hand ("wrist").
 
     Its pose is `position` with either `look_at` and `up`, or `quaternion` from a calibration. Its focal length is
@@ -135,7 +138,7 @@ class CameraConfig(_Strict):
         return pose
 
 
-class BoxConfig(_Strict):
+class BoxConfig(Strict):
     """A box along the world's axes.
 
     Attributes:
@@ -152,93 +155,7 @@ class BoxConfig(_Strict):
         return self
 
 
-class PlacementConfig(_Strict):
-    """Where the simulated cell puts one object at the start.
-
-    Attributes:
-        object: Name, from the cell's objects.
-        position: Centre of its range: in the world in [m] for the table; in the frame of the object that it stands on
-            or lies in otherwise.
-        spread: Half widths of its range in [m], uniform.
-        yaw_deg: Centre of its yaw in [degrees].
-        yaw_spread_deg: Half width of the yaw's range in [degrees], uniform.
-        extents: Its full sizes in [m]; the library's usual ones if left out.
-        size_spread: Half width of a common factor on its sizes, uniform: 0.04 makes sizes 0.96 to 1.04 of the nominal.
-        stands_on: Object that it stands on, instead of the table; placed earlier in the list.
-        lies_in: Container that it lies in; placed earlier in the list.
-        only_if: Option of the cell that must be on for the object to be there.
-    """
-
-    object: Name
-    position: Vector2 = (0.0, 0.0)
-    spread: tuple[NotNegative, NotNegative] = (0.0, 0.0)
-    yaw_deg: float = 0.0
-    yaw_spread_deg: NotNegative = 180.0
-    extents: tuple[Positive, Positive, Positive] | None = None
-    size_spread: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
-    stands_on: Name | None = None
-    lies_in: Name | None = None
-    only_if: Name | None = None
-
-    @model_validator(mode="after")
-    def _one_support(self) -> "PlacementConfig":
-        if self.stands_on is not None and self.lies_in is not None:
-            raise ValueError("give either stands_on or lies_in, or neither for the table")
-        return self
-
-
-class DepthNoiseConfig(_Strict):
-    """Stereo noise of the simulated cameras; the formula stands in `sim_check.depth_noise`.
-
-    Attributes:
-        baseline: Distance between the two lenses in [m]; 63 mm is a ZED Mini's.
-        disparity_std_px: Root mean square of the disparity's error in [px].
-        correlation_px: Width of the matching window that correlates neighbouring errors (Gaussian sigma) in [px].
-        step_px: Disparity is rounded to multiples of this in [px].
-        edge_disparity_px: A difference within the window that counts as a depth edge, in [px].
-        flying_share, edge_dropout_share: Shares of the edge pixels that mix both sides, and that are lost, 0..1.
-        blob_share: Share of all pixels lost in blobs where nothing could be matched, 0..1.
-        nearest, farthest: Range of depths that can be matched in [m].
-    """
-
-    baseline: Positive = 0.063
-    disparity_std_px: NotNegative = 0.25
-    correlation_px: Positive = 3.0
-    step_px: NotNegative = 0.0625
-    edge_disparity_px: Positive = 1.5
-    flying_share: Annotated[float, Field(ge=0, le=1)] = 0.3
-    edge_dropout_share: Annotated[float, Field(ge=0, le=1)] = 0.25
-    blob_share: Annotated[float, Field(ge=0, le=0.5)] = 0.014
-    nearest: Positive = 0.15
-    farthest: Positive = 8.0
-
-    @model_validator(mode="after")
-    def _consistent(self) -> "DepthNoiseConfig":
-        if self.nearest >= self.farthest:
-            raise ValueError("nearest must be below farthest")
-        if self.flying_share + self.edge_dropout_share > 1:
-            raise ValueError("flying_share and edge_dropout_share cannot add up to more than 1")
-        return self
-
-
-class SimulationConfig(_Strict):
-    """The truth of a simulated cell; nothing but the simulated cell and its scorers may read it.
-
-    Attributes:
-        placements: What there is, and where.
-        gap: Least distance between the outlines (circles around footprints) of things on the table in [m].
-        mass_mismatch, friction_mismatch: Half widths of seeded factors on the library's masses and friction.
-        depth_noise: Stereo noise, or null for perfect depth.
-    """
-
-    placements: tuple[PlacementConfig, ...] = ()
-    gap: NotNegative = 0.04
-    mass_mismatch: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    friction_mismatch: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    depth_noise: DepthNoiseConfig | None = DepthNoiseConfig()
-
-
-class CellConfig(_Strict):
+class CellConfig(Strict):
     """One cell.
 
     Attributes:
@@ -248,6 +165,7 @@ class CellConfig(_Strict):
         cameras: At least one.
         workspace: Box that the hand must stay in.
         objects: Names that can be asked for; lower case with underscores, a noun with words before it (`red_cube`).
+        furniture: What stands fixed, by name: kind and sizes. Where it stands and how far it is open is perceived.
         safety: Changes of the safety table, by the names of `control.safety.SafetyLimits`.
         options: Switches of this cell and whether they are on.
         simulation: What the simulated cell holds; null when the cell is real only.
@@ -259,8 +177,9 @@ class CellConfig(_Strict):
     cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1)]
     workspace: BoxConfig = BoxConfig()
     objects: Annotated[tuple[Name, ...], Field(min_length=1)]
-    safety: dict[str, Any] = {}
-    options: dict[Name, bool] = {}
+    furniture: dict[Name, FurnitureConfig] = Field(default_factory=dict)
+    safety: dict[str, Any] = Field(default_factory=dict)
+    options: dict[Name, bool] = Field(default_factory=dict)
     simulation: SimulationConfig | None = None
 
     @field_validator("safety")
@@ -286,18 +205,11 @@ class CellConfig(_Strict):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"the {what} '{name}' is named twice")
-        seen: list[str] = []
-        for p in self.simulation.placements if self.simulation else ():
-            if p.object not in self.objects:
-                raise ValueError(f"placement of '{p.object}': objects are {sorted(self.objects)}")
-            if p.object in seen:
-                raise ValueError(f"'{p.object}' is placed twice")
-            support = p.stands_on or p.lies_in
-            if support is not None and support not in seen:
-                raise ValueError(f"'{p.object}' is placed on or in '{support}', which must be placed before it")
-            if p.only_if is not None and p.only_if not in self.options:
-                raise ValueError(f"only_if of '{p.object}': options are {sorted(self.options)}, not '{p.only_if}'")
-            seen.append(p.object)
+        for name in self.furniture:
+            if name in self.objects:
+                raise ValueError(f"'{name}' is both an object and furniture; furniture is not named in objects")
+        if self.simulation is not None:
+            check_simulation(self.simulation, self.objects, self.furniture, self.options)
         return self
 
     def safety_limits(self) -> SafetyLimits:

@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 
 from control.errors import ConfigError
+from control.twin_model import Handle
 from perception.estimates import Shape
 
-SolidKind = Literal["box", "sphere", "ellipsoid", "cylinder"]
+SolidKind = Literal["box", "sphere", "ellipsoid", "cylinder", "capsule"]
 
 UNKNOWN_DENSITY = 400.0  # [kg/m^3]; toys and packed food lie between balsa (150) and fruit (900)
 UNKNOWN_FRICTION = 0.6
@@ -36,6 +37,12 @@ COLOURS: dict[str, tuple[float, float, float]] = {
     "grey": (0.50, 0.50, 0.50),
     "black": (0.06, 0.06, 0.06),
 }
+WOOD = (0.66, 0.47, 0.30)
+
+
+def rgb_of(colour: str) -> tuple[float, float, float]:
+    """Colour, 0..1, of a name from `COLOURS` or of "wood"."""
+    return WOOD if colour == "wood" else COLOURS[colour]
 
 
 @dataclass(frozen=True)
@@ -43,8 +50,9 @@ class Solid:
     """One primitive of an object's collision body.
 
     Attributes:
-        kind: Which primitive; a cylinder's axis is its z.
-        half: Half sizes in [m], shape (3,); a cylinder is (radius, radius, half height).
+        kind: Which primitive; a cylinder's and a capsule's axis is its z.
+        half: Half sizes in [m], shape (3,); a cylinder is (radius, radius, half height), a capsule (radius, radius,
+            half of its straight part).
         position: Its centre in the object's frame in [m], shape (3,).
         quat: Its orientation in the object's frame, (w, x, y, z).
     """
@@ -57,6 +65,9 @@ class Solid:
     @property
     def volume(self) -> float:
         """In [m^3]."""
+        if self.kind == "capsule":
+            radius, half = self.half[0], self.half[2]
+            return float(2 * np.pi * radius**2 * half + 4 / 3 * np.pi * radius**3)
         factor = {"box": 8.0, "sphere": 4 / 3 * np.pi, "ellipsoid": 4 / 3 * np.pi, "cylinder": 2 * np.pi}[self.kind]
         return float(factor * np.prod(self.half))
 
@@ -78,6 +89,7 @@ class ObjectModel:
         inner_floor: Height of a container's inner floor above its lowest point in [m], else 0.
         inner_radius: Radius of a container's opening in [m], else 0.
         rgb: Colour, 0..1.
+        handle: What to take hold of when the whole is too wide for the gripper, in the object's frame; or None.
     """
 
     name: str
@@ -92,6 +104,7 @@ class ObjectModel:
     inner_floor: float
     inner_radius: float
     rgb: tuple[float, float, float]
+    handle: Handle | None = None
 
     @property
     def footprint_radius(self) -> float:

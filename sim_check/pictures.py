@@ -30,7 +30,7 @@ def object_pictures(spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectMode
             _show(
                 body,
                 type=getattr(mujoco.mjtGeom, f"mjGEOM_{solid.kind.upper()}"),
-                size=[solid.half[0], solid.half[2], 0.0] if solid.kind == "cylinder" else solid.half,
+                size=[solid.half[0], solid.half[2], 0.0] if solid.kind in ("cylinder", "capsule") else solid.half,
                 pos=solid.position,
                 quat=solid.quat,
                 material=material,

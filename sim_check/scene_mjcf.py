@@ -19,6 +19,7 @@ _GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
 }
 TABLE_FRICTION = (0.6, 0.005, 0.0001)
 # Time constant of object contacts in [s]: as stiff as a 4 ms step allows (two steps and a little).
@@ -78,7 +79,7 @@ def add_object(spec: mujoco.MjSpec, thing: ObjectModel, pose: np.ndarray, pictur
         body.add_freejoint(name=thing.name)
     volume = sum(s.volume for s in thing.solids)
     for i, solid in enumerate(thing.solids):
-        geom = _add_solid(body, solid)
+        geom = add_solid(body, solid)
         geom.name = f"{thing.name}_{i}"
         geom.mass = thing.mass * solid.volume / volume
         geom.friction = thing.friction
@@ -91,9 +92,10 @@ def add_object(spec: mujoco.MjSpec, thing: ObjectModel, pose: np.ndarray, pictur
     return body
 
 
-def _add_solid(body: mujoco.MjsBody, solid: Solid) -> mujoco.MjsGeom:
-    size = [solid.half[0], solid.half[2], 0.0] if solid.kind == "cylinder" else solid.half
-    return body.add_geom(type=_GEOMS[solid.kind], size=size, pos=solid.position, quat=solid.quat)
+def add_solid(body: mujoco.MjsBody, solid: Solid, **geom) -> mujoco.MjsGeom:
+    """Add a primitive to a body, with further attributes of the geom."""
+    size = [solid.half[0], solid.half[2], 0.0] if solid.kind in ("cylinder", "capsule") else solid.half
+    return body.add_geom(type=_GEOMS[solid.kind], size=size, pos=solid.position, quat=solid.quat, **geom)
 
 
 def add_camera(spec: mujoco.MjSpec, camera: CameraConfig) -> None:

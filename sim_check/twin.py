@@ -23,6 +23,9 @@ from control.twin_model import (
 )
 from perception.estimates import ObjectEstimate, SceneEstimate
 from sim_check.cell_config import CellConfig
+from sim_check.furniture import furniture_model
+from sim_check.furniture_mjcf import add_furniture, set_fractions
+from sim_check.furniture_model import FurnitureModel
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
 from sim_check.scene_mjcf import (
@@ -36,7 +39,7 @@ from sim_check.scene_mjcf import (
     set_rendering,
 )
 from sim_check.settling import free_bodies, move_apart, settle, touching
-from sim_check.supports import Standing, set_down
+from sim_check.supports import Fixed, Standing, carrier, set_down, stand
 
 TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
 MAX_WIDTH = 0.08  # of the gripper in [m]
@@ -77,9 +80,18 @@ def build_twin(
     for e in scene.objects:
         if not (np.all(np.isfinite(e.world_T_object)) and np.all(np.isfinite(e.extents))):
             raise StackError(f"the pose or the size of '{e.name}' is not finite; look again")
-    standing = [Standing(object_model(e.name, e.extents, e.shape), np.array(e.world_T_object)) for e in scene.objects]
-    placed = set_down([s for s in standing if s.thing.name != held], scene.support_height)
+    if held in cell.furniture:
+        raise StackError(f"'{held}' is furniture and cannot be in the hand")
+    fixed = [
+        _stood(furniture_model(e.name, cell.furniture[e.name]), e, scene.support_height)
+        for e in scene.objects
+        if e.name in cell.furniture
+    ]
+    loose = [e for e in scene.objects if e.name not in cell.furniture]
+    standing = [Standing(object_model(e.name, e.extents, e.shape), np.array(e.world_T_object)) for e in loose]
+    placed = set_down([s for s in standing if s.thing.name != held], scene.support_height, fixed)
     placed += [s for s in standing if s.thing.name == held]
+    models: dict[str, ObjectModel | FurnitureModel] = {s.thing.name: s.thing for s in (*placed, *fixed)}
     order = {name: i for i, name in enumerate(scene.names)}
     placed.sort(key=lambda s: order[s.thing.name])
 
@@ -90,6 +102,8 @@ def build_twin(
     add_sky(spec)
     add_lights(spec)
     set_rendering(spec, 640, 480)
+    for f in fixed:
+        add_furniture(spec, f.thing, f.pose, pictures=False)
     for s in placed:
         add_object(spec, s.thing, s.pose, pictures=False)
     model = spec.compile()
@@ -100,11 +114,15 @@ def build_twin(
         q=q.copy(),
         gripper_width=float(gripper_width),
         held=held,
-        objects=tuple(_described(e, s.thing) for e, s in zip(scene.objects, placed, strict=True)),
+        objects=tuple(_described(e, models[e.name]) for e in scene.objects),
         support_height=scene.support_height,
         scene_stamp=scene.stamp,
+        joints=tuple(joint for f in fixed for joint in f.thing.joints),
+        compartments=tuple(c for f in fixed for c in f.thing.compartments),
     )
     qpos = _robot_qpos(twin, twin.qpos, gripper_width)
+    for f in fixed:
+        set_fractions(model, qpos, f.thing, f.fractions)
     if held is not None:
         qpos = _into_the_hand(twin, qpos)
     return replace(twin, qpos=_rest(twin, qpos))
@@ -115,6 +133,7 @@ def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0
 
     Positions are drawn from each object's spread (at least 2 mm) and yaws from theirs (at least 1.5 degrees), both
     cut at twice the spread; friction and mass of each object are scaled by up to 30 %, each servo's gain by up to 7 %.
+    Furniture moves with what is in it or hangs on it; the dry friction and damping of its joints vary by up to 30 %.
     Things are set apart and settled again. The object in the hand stays between the pads.
 
     Args:
@@ -125,16 +144,25 @@ def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0
     Raises:
         StackError: The drawn poses cannot be settled, nor can those at a half and a quarter of the drawn offsets.
     """
-    model = copy.copy(twin.model)
-    _perturb_model(twin, model, rng, scale)
-    offsets = {o.name: _draw_offset(o, rng, scale) for o in twin.objects if o.movable and o.name != twin.held}
-    changed = replace(twin, model=model)
+    drawn = copy.copy(twin.model)
+    _perturb_model(twin, drawn, rng, scale)
+    offsets = {o.name: _draw_offset(o, rng, scale) for o in twin.objects if o.name != twin.held}
+    fixed = {o.name for o in twin.objects if not o.movable}
+    carriers = carrier(twin, fixed) if fixed else {}
     # Neighbours that are drawn into each other are possible in the draw but not in the world: they are drawn nearer
     # to where they were perceived.
     for share in (1.0, 0.5, 0.25):
-        qpos = twin.qpos.copy()
+        model, qpos = copy.copy(drawn), twin.qpos.copy()
         for name, offset in offsets.items():
-            _shift(model, qpos, name, share * offset)
+            if name in fixed:
+                turn = _moved_about(model.body(name).pos, share * offset)
+                _move_fixed(model, name, turn)
+                for thing in (n for n, by in carriers.items() if by == name and n != twin.held):
+                    _move_free(model, qpos, thing, turn)
+        for name, offset in offsets.items():
+            if name not in fixed:
+                _shift(model, qpos, name, share * offset)
+        changed = replace(twin, model=model)
         try:
             return replace(changed, qpos=_rest(changed, qpos))
         except StackError as error:
@@ -142,7 +170,32 @@ def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0
     raise reason
 
 
-def _described(estimate: ObjectEstimate, thing: ObjectModel) -> TwinObject:
+def _stood(thing: FurnitureModel, estimate: ObjectEstimate, table: float) -> Fixed:
+    """Furniture upright on the table where it was perceived.
+
+    Raises:
+        StackError: It was perceived lying, or a fraction belongs to no joint of it.
+    """
+    names = [p.name for p in thing.parts]
+    for joint in estimate.joint_fractions:
+        if joint not in names:
+            raise StackError(f"'{thing.name}' has no joint '{joint}'; it has {names}")
+    return Fixed(thing, stand(thing, np.array(estimate.world_T_object), table), dict(estimate.joint_fractions))
+
+
+def _described(estimate: ObjectEstimate, thing: ObjectModel | FurnitureModel) -> TwinObject:
+    if isinstance(thing, FurnitureModel):
+        return TwinObject(
+            name=thing.name,
+            shape="box",
+            extents=thing.extents,
+            movable=False,
+            container=False,
+            inner_floor=0.0,
+            inner_radius=0.0,
+            position_std=np.array(estimate.position_std, float),
+            yaw_std=float(estimate.yaw_std),
+        )
     return TwinObject(
         name=thing.name,
         shape=estimate.shape,
@@ -153,6 +206,7 @@ def _described(estimate: ObjectEstimate, thing: ObjectModel) -> TwinObject:
         inner_radius=thing.inner_radius,
         position_std=np.array(estimate.position_std, float),
         yaw_std=float(estimate.yaw_std),
+        handle=thing.handle,
     )
 
 
@@ -250,6 +304,10 @@ def _perturb_model(twin: TwinModel, model: mujoco.MjModel, rng: np.random.Genera
         model.body_mass[body] *= heavier
         model.body_inertia[body] *= heavier
         model.geom_friction[model.geom_bodyid == body] *= rougher
+    for joint in twin.joints:
+        dof = int(model.joint(joint.name).dofadr[0])
+        model.dof_frictionloss[dof] *= factor(FRICTION_SPREAD)
+        model.dof_damping[dof] *= factor(FRICTION_SPREAD)
     # Contacts take the larger friction of their two geoms, and the pads' always: these vary as well.
     for geom in ("table", "left_pad", "right_pad"):
         model.geom_friction[model.geom(geom).id] *= factor(FRICTION_SPREAD)
@@ -275,6 +333,25 @@ def _shift(model: mujoco.MjModel, qpos: np.ndarray, name: str, offset: np.ndarra
     _shift_position(model, qpos, name, np.array([offset[0], offset[1], 0.0]))
     turn = pose_of(np.zeros(3), np.array([np.cos(offset[2] / 2), 0.0, 0.0, np.sin(offset[2] / 2)]))
     qpos[at + 3 : at + 7] = quat_of(turn @ pose_of(np.zeros(3), qpos[at + 3 : at + 7]))
+
+
+def _moved_about(point: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """World transform, shape (4, 4): about z through a point by offset[2] [rad], then by offset[:2] [m]."""
+    pose = pose_of(np.zeros(3), np.array([np.cos(offset[2] / 2), 0.0, 0.0, np.sin(offset[2] / 2)]))
+    pose[:3, 3] = point - pose[:3, :3] @ point + np.array([offset[0], offset[1], 0.0])
+    return pose
+
+
+def _move_fixed(model: mujoco.MjModel, name: str, move: np.ndarray) -> None:
+    body = model.body(name).id
+    pose = move @ pose_of(model.body_pos[body], model.body_quat[body])
+    model.body_pos[body], model.body_quat[body] = pose[:3, 3], quat_of(pose)
+
+
+def _move_free(model: mujoco.MjModel, qpos: np.ndarray, name: str, move: np.ndarray) -> None:
+    at = int(model.joint(name).qposadr[0])
+    pose = move @ pose_of(qpos[at : at + 3], qpos[at + 3 : at + 7])
+    qpos[at : at + 3], qpos[at + 3 : at + 7] = pose[:3, 3], quat_of(pose)
 
 
 def _position(model: mujoco.MjModel, qpos: np.ndarray, name: str) -> np.ndarray:

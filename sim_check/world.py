@@ -12,9 +12,13 @@ from control.errors import ConfigError
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR
 from perception.frames import CameraIntrinsics
-from sim_check.cell_config import CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
+from sim_check.arrangement import arrange
+from sim_check.cell_config import CellConfig, DepthNoiseConfig, SimulationConfig
 from sim_check.depth_noise import stereo_depth
-from sim_check.object_library import ObjectModel, object_model
+from sim_check.furniture_locks import add_lock
+from sim_check.furniture_mjcf import add_furniture, set_fractions
+from sim_check.furniture_model import FurnitureModel
+from sim_check.object_library import ObjectModel
 from sim_check.panda_mjcf import panda_spec
 from sim_check.render import CameraView, FreeView, Offscreen
 from sim_check.scene_mjcf import (
@@ -32,8 +36,6 @@ from sim_check.settling import settle
 
 TRUTH_STEP = 0.001  # [s]
 OPEN_WIDTH = 0.08  # between the pads of an open hand in [m]
-_TRIES = 500
-_AIR = 5e-4  # gap under things when they are put down, in [m]
 
 
 @dataclass
@@ -45,6 +47,7 @@ class World:
         data: Its state; whoever simulates the cell steps it.
         cameras: Cameras that `render` knows.
         objects: What there truly is, by name.
+        furniture: What stands fixed, by name.
         seed: What placements, mismatch and noise were drawn from.
         depth_noise: Of the cameras, or None for perfect depth.
     """
@@ -53,6 +56,7 @@ class World:
     data: mujoco.MjData
     cameras: tuple[CameraView, ...]
     objects: dict[str, ObjectModel]
+    furniture: dict[str, FurnitureModel]
     seed: int
     depth_noise: DepthNoiseConfig | None
     _noise_rng: np.random.Generator
@@ -60,17 +64,40 @@ class World:
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        """Names of what there truly is."""
+        """Names of what there truly is, furniture apart."""
         return tuple(self.objects)
 
+    @property
+    def furniture_names(self) -> tuple[str, ...]:
+        """Names of the furniture."""
+        return tuple(self.furniture)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of everything on a joint: doors, levers, sprung plates."""
+        return tuple(p.name for f in self.furniture.values() for p in f.parts)
+
+    def joint_fraction(self, name: str, data: mujoco.MjData | None = None) -> float:
+        """How far a joint of furniture truly is open, 0 closed .. 1 open.
+
+        Raises:
+            ConfigError: There is no such joint.
+        """
+        for thing in self.furniture.values():
+            part = thing.part(name)
+            if part is not None:
+                return float((self.data if data is None else data).joint(name).qpos[0]) / part.opened
+        raise ConfigError(f"the simulated cell has no joint '{name}'; it has {sorted(self.joint_names)}")
+
     def object_pose(self, name: str, data: mujoco.MjData | None = None) -> np.ndarray:
-        """True pose of an object's box centre in the world, shape (4, 4).
+        """True pose of an object's or furniture's box centre in the world, shape (4, 4).
 
         Raises:
             ConfigError: There is no such object.
         """
-        if name not in self.objects:
-            raise ConfigError(f"the simulated cell has no object '{name}'; it has {sorted(self.objects)}")
+        if name not in self.objects and name not in self.furniture:
+            names = sorted([*self.objects, *self.furniture])
+            raise ConfigError(f"the simulated cell has no object '{name}'; it has {names}")
         body = (self.data if data is None else data).body(name)
         return pose_of(body.xpos, body.xquat)
 
@@ -146,8 +173,9 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
     if cell.simulation is None:
         raise ConfigError(f"cell '{cell.name}' has no simulation block; add one, or choose a built-in cell")
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-    things, poses = _place(cell, cell.simulation, streams[0])
-    things = [_mismatched(t, cell.simulation, streams[1]) for t in things]
+    placed = arrange(cell, cell.simulation, streams[0])
+    things = [_mismatched(t, cell.simulation, streams[1]) for t, _ in placed.objects]
+    furniture = {f.name: f for f, _ in placed.furniture}
 
     spec = panda_spec(meshes=meshes, mesh_cache=mesh_cache)
     place_robot(spec, cell.robot)
@@ -155,7 +183,11 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
     add_room(spec, add_table(spec))
     add_sky(spec)
     add_lights(spec)
-    for thing, pose in zip(things, poses, strict=True):
+    for fixed, pose in placed.furniture:
+        add_furniture(spec, fixed, pose, pictures=True)
+    for lock in cell.simulation.locks:
+        add_lock(spec, lock, furniture)
+    for thing, (_, pose) in zip(things, placed.objects, strict=True):
         add_object(spec, thing, pose, pictures=True)
     for camera in cell.cameras:
         add_camera(spec, camera)
@@ -169,6 +201,8 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
     for joint in FINGER_JOINTS:
         data.joint(joint).qpos[:] = OPEN_WIDTH / 2
     data.actuator(GRIPPER_ACTUATOR).ctrl[:] = OPEN_WIDTH / 2
+    for fixed in furniture.values():
+        set_fractions(model, data.qpos, fixed, placed.fractions)
     mujoco.mj_forward(model, data)
     settle(model, data)
     data.time = 0.0
@@ -177,6 +211,7 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
         data=data,
         cameras=tuple(CameraView(c.name, c.mounting, c.intrinsics) for c in cell.cameras),
         objects={t.name: t for t in things},
+        furniture=furniture,
         seed=seed,
         depth_noise=cell.simulation.depth_noise,
         _noise_rng=streams[2],
@@ -188,60 +223,3 @@ def _mismatched(thing: ObjectModel, simulation: SimulationConfig, rng: np.random
     mass = thing.mass * (1 + simulation.mass_mismatch * rng.uniform(-1, 1))
     friction = thing.friction * (1 + simulation.friction_mismatch * rng.uniform(-1, 1))
     return replace(thing, mass=mass, friction=friction)
-
-
-def _place(
-    cell: CellConfig, simulation: SimulationConfig, rng: np.random.Generator
-) -> tuple[list[ObjectModel], list[np.ndarray]]:
-    """Draw a pose for everything: whole arrangements are drawn until nothing on the table is too near to another."""
-    present = [p for p in simulation.placements if p.only_if is None or cell.options[p.only_if]]
-    things = {p.object: _sized(p, rng) for p in present}
-    for p in present:
-        support = p.stands_on or p.lies_in
-        if support is not None and support not in things:
-            raise ConfigError(f"cell '{cell.name}': '{p.object}' needs '{support}', which its options leave out")
-        if p.lies_in is not None and not things[p.lies_in].container:
-            raise ConfigError(f"cell '{cell.name}': '{p.object}' lies in '{p.lies_in}', which is no container")
-    on_table = [p.object for p in present if p.stands_on is None and p.lies_in is None]
-    for _ in range(_TRIES):
-        poses: dict[str, np.ndarray] = {}
-        for p in present:
-            poses[p.object] = _draw_pose(p, things, poses, rng)
-        if _apart(on_table, things, poses, simulation.gap):
-            return [things[p.object] for p in present], [poses[p.object] for p in present]
-    raise ConfigError(
-        f"cell '{cell.name}': {', '.join(on_table)} do not fit with a gap of {simulation.gap} m in {_TRIES} tries; "
-        "widen their spread or lower simulation.gap"
-    )
-
-
-def _sized(placement: PlacementConfig, rng: np.random.Generator) -> ObjectModel:
-    extents = None if placement.extents is None else np.asarray(placement.extents)
-    extents = object_model(placement.object, extents, "box").extents
-    return object_model(placement.object, extents * (1 + placement.size_spread * rng.uniform(-1, 1)), "box")
-
-
-def _draw_pose(
-    placement: PlacementConfig, things: dict[str, ObjectModel], poses: dict[str, np.ndarray], rng: np.random.Generator
-) -> np.ndarray:
-    local = np.append(np.asarray(placement.position) + np.asarray(placement.spread) * rng.uniform(-1, 1, 2), 0.0)
-    yaw = np.deg2rad(placement.yaw_deg + placement.yaw_spread_deg * rng.uniform(-1, 1))
-    local[2] = things[placement.object].extents[2] / 2 + _AIR
-    pose = pose_of(local, np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]))
-    if placement.stands_on is not None:
-        pose[2, 3] += things[placement.stands_on].extents[2] / 2
-        return poses[placement.stands_on] @ pose
-    if placement.lies_in is not None:
-        container = things[placement.lies_in]
-        pose[2, 3] += container.inner_floor - container.extents[2] / 2
-        return poses[placement.lies_in] @ pose
-    return pose
-
-
-def _apart(names: list[str], things: dict[str, ObjectModel], poses: dict[str, np.ndarray], gap: float) -> bool:
-    for i, a in enumerate(names):
-        for b in names[:i]:
-            distance = np.linalg.norm(poses[a][:2, 3] - poses[b][:2, 3])
-            if distance < things[a].footprint_radius + things[b].footprint_radius + gap:
-                return False
-    return True
