@@ -59,7 +59,7 @@ class Film:
         while len(tiles) % columns:
             tiles.append(np.full_like(tiles[0], 255))
         rows = [np.hstack(tiles[k : k + columns]) for k in range(0, len(tiles), columns)]
-        cv2.imwrite(str(path), np.vstack(rows)[:, :, ::-1])
+        cv2.imwrite(str(path), np.vstack(rows)[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
         return True
 
 
