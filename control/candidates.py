@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.collision_filter import Held, Phase
+from control.collision_filter import Held, JointAt, Phase
+from control.driving import drive_segments, ready_drives
 from control.goal_predicates import PosedObject, judge_term
 from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
@@ -53,6 +54,8 @@ def candidates(bench: Workbench) -> Iterator[Candidate]:
         yield from _reaches(bench)
     elif kind in ("lift", "bring"):
         yield from _lifts(bench)
+    elif kind == "drive":
+        yield from _drives(bench)
     else:
         yield from _placings(bench)
 
@@ -155,6 +158,32 @@ def _raise(bench: Workbench, grasp: ReadyGrasp, start: np.ndarray, height: float
             if path is not None:
                 return path
     return None
+
+
+def _drives(bench: Workbench) -> Iterator[Candidate]:
+    """Take a joint's handle, take it along to where the joint should stand, let go, leave."""
+    drives = ready_drives(bench)
+    name = str(bench.subtask.subject)
+    for planner in (False, True):
+        found = 0
+        for drive in drives[: PLANNED if planner else None]:
+            bench.counts["pairs"] += 1
+            reach = bench.way(
+                bench.start_q, drive.arrive[0], Phase.FREE, drive.opening, JointAt(drive.positions[0]), planner
+            )
+            if reach is None:
+                continue
+            home = bench.way(
+                drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(drive.positions[-1]), planner
+            )
+            if home is None:
+                continue
+            found += 1
+            effort = path_length(reach) + path_length(drive.along) + path_length(home)
+            segments = drive_segments(drive, name, reach, home, bench.twin.gripper_width)
+            yield Candidate(segments, f"drive ({drive.text})", effort)
+        if found:
+            return
 
 
 def _placings(bench: Workbench) -> Iterator[Candidate]:

@@ -38,6 +38,7 @@ class Phase(IntEnum):
     GRASP = 1  # fingers around the object, which stands on its own
     CARRY = 2  # the object moves with the hand, away from everything
     CONTACT = 3  # the object moves with the hand and may touch what carries it
+    DRIVE = 4  # fingers at the handle of a joint, which moves with the hand
 
 
 class _Kind(IntEnum):
@@ -47,6 +48,7 @@ class _Kind(IntEnum):
     OBJECT = 3
     BASE = 4  # links that cannot be moved away from the mounting
     SUPPORT = 5
+    PANEL = 6  # what moves with a driven joint, its handle apart
 
 
 _LACKS = {"arm": _Kind.ARM, "finger": _Kind.FINGER, "held": _Kind.OBJECT}
@@ -63,6 +65,20 @@ class Held:
     tcp_T_object: np.ndarray
 
 
+@dataclass(frozen=True)
+class JointAt:
+    """The handled joint at a position.
+
+    Attributes:
+        position: In [rad] or [m].
+    """
+
+    position: float
+
+
+ObjectAt = Held | JointAt | np.ndarray | None
+
+
 class CollisionFilter:
     """Distances of arm, fingers and one handled object from everything else.
 
@@ -73,7 +89,7 @@ class CollisionFilter:
     Args:
         twin: Where to look.
         safety: Clearances.
-        subject: Name of the handled object, or None.
+        subject: Name of the handled object or joint, or None.
         supports: Names of bodies that may touch the subject in `Phase.CONTACT`.
         margin: Extra distance in [m] beyond the safety table's clearances.
 
@@ -99,9 +115,11 @@ class CollisionFilter:
         self._arm = [int(model.joint(n).qposadr[0]) for n in ARM_JOINTS]
         self._fingers = [int(model.joint(n).qposadr[0]) for n in FINGER_JOINTS]
         self._tcp = model.site(TCP_SITE).id
-        self._address = free_joint_address(model, subject) if subject else None
+        joint = twin.joint(subject) if subject else None
+        self._address = free_joint_address(model, subject) if subject and joint is None else None
+        self._joint = int(model.joint(joint.name).qposadr[0]) if joint else None
         self._segment = np.zeros(6)  # where mj_geomDistance leaves the nearest points
-        kind = _geom_kinds(model, subject, frozenset(supports))
+        kind = _geom_kinds(twin, subject, frozenset(supports))
         table = _thresholds(safety, margin)
         pairs = _pairs(model, kind, table)
         self._kind = kind
@@ -116,14 +134,15 @@ class CollisionFilter:
         mujoco.mj_kinematics(self.model, self._data)
         return self._site_pose()
 
-    def clear(self, q: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None) -> bool:
+    def clear(self, q: np.ndarray, phase: Phase, width: float, object_at: ObjectAt = None) -> bool:
         """Whether one configuration keeps all distances; counts the body in the way if not.
 
         Args:
             q: Arm joints in [rad], shape (7,).
             phase: What the hand is doing.
             width: Distance between the pads in [m].
-            object_at: Where the subject is: with the hand, at a pose (4, 4), or None where the twin has it.
+            object_at: Where the subject is: with the hand, at a pose (4, 4), at a joint position, or None where the
+                twin has it.
         """
         self._place(q, width, object_at)
         self.checks += 1
@@ -134,9 +153,7 @@ class CollisionFilter:
                 return False
         return True
 
-    def path_clear(
-        self, path: np.ndarray, phase: Phase, width: float, object_at: Held | np.ndarray | None = None
-    ) -> bool:
+    def path_clear(self, path: np.ndarray, phase: Phase, width: float, object_at: ObjectAt = None) -> bool:
         """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection comes first."""
         coarse = np.arange(0, len(path), 4)
         order = np.concatenate([coarse, np.setdiff1d(np.arange(len(path)), coarse)])
@@ -159,7 +176,7 @@ class CollisionFilter:
         pairs = self._by_phase[phase]
         for i in pairs.near(self._data):
             kinds = self._kind[pairs.geoms[i]]
-            if not np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT)).any():
+            if not np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT, _Kind.PANEL)).any():
                 continue
             name = next(n for n, k in _LACKS.items() if k in kinds or (k == _Kind.ARM and _Kind.BASE in kinds))
             lack = float(pairs.limit[i] - self._distance(pairs, i))
@@ -172,12 +189,14 @@ class CollisionFilter:
         reach = max(float(pairs.limit[i]), 0.0) + 0.001
         return float(mujoco.mj_geomDistance(self.model, self._data, int(a), int(b), reach, self._segment))
 
-    def _place(self, q: np.ndarray, width: float, object_at: Held | np.ndarray | None) -> None:
+    def _place(self, q: np.ndarray, width: float, object_at: ObjectAt) -> None:
         data = self._data
         data.qpos[:] = self._qpos0
         data.qpos[self._arm] = q
         data.qpos[self._fingers] = width / 2
-        if object_at is not None and self._address is not None:
+        if isinstance(object_at, JointAt):
+            data.qpos[self._joint] = object_at.position
+        elif object_at is not None and self._address is not None:
             pose = object_at
             if isinstance(object_at, Held):
                 mujoco.mj_kinematics(self.model, data)
@@ -202,6 +221,8 @@ class CollisionFilter:
     def _outer_body(self, a: int, b: int) -> str:
         """Of a pair, the body that is neither robot nor handled object where there is one."""
         outer = a if self._kind[a] in (_Kind.WORLD, _Kind.SUPPORT) else b
+        if _Kind.PANEL in self._kind[[a, b]] and self._kind[outer] not in (_Kind.WORLD, _Kind.SUPPORT):
+            outer = a if self._kind[a] == _Kind.PANEL else b
         return body_name(self.model, int(self.model.geom_bodyid[outer]))
 
 
@@ -272,7 +293,9 @@ def subtree_root(model: mujoco.MjModel, body: int) -> int:
     return body
 
 
-def _geom_kinds(model: mujoco.MjModel, subject: str | None, supports: frozenset[str]) -> np.ndarray:
+def _geom_kinds(twin: TwinModel, subject: str | None, supports: frozenset[str]) -> np.ndarray:
+    model = twin.model
+    doors = {j.body for j in twin.joints}
     kinds = np.zeros(model.ngeom, int)
     base, arm = {*ARM_BODIES[:2]}, {*ARM_BODIES[2:], HAND_BODY}
     for geom in range(model.ngeom):
@@ -285,12 +308,26 @@ def _geom_kinds(model: mujoco.MjModel, subject: str | None, supports: frozenset[
         elif name in base:
             kinds[geom] = _Kind.BASE
         else:
-            root = body_name(model, subtree_root(model, body))
-            if subject is not None and subject in (name, root):
+            # What opens is a thing of its own: neither its furniture as a support nor the furniture as a subject.
+            root = name if name in doors else body_name(model, subtree_root(model, body))
+            if subject is not None and subject in doors and subject == name:
+                kinds[geom] = _Kind.OBJECT if _is_handle(twin, geom, subject) else _Kind.PANEL
+            elif subject is not None and subject in (name, root):
                 kinds[geom] = _Kind.OBJECT
             elif {name, root} & supports:
                 kinds[geom] = _Kind.SUPPORT
     return kinds
+
+
+def _is_handle(twin: TwinModel, geom: int, joint: str) -> bool:
+    """Whether a geom of a joint's body holds the middle of its handle."""
+    model = twin.model
+    handle = next(j.handle for j in twin.joints if j.body == joint)
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    local = turn.reshape(3, 3).T @ (handle.centre - model.geom_pos[geom])
+    half = model.geom_aabb[geom, 3:]
+    return bool((np.abs(local - model.geom_aabb[geom, :3]) <= half).all())
 
 
 def _pairs(model: mujoco.MjModel, kind: np.ndarray, table: np.ndarray) -> np.ndarray:
@@ -336,5 +373,10 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
         if phase in (Phase.CARRY, Phase.CONTACT):
             t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
             t[_Kind.OBJECT, _Kind.SUPPORT] = held if phase == Phase.CARRY else -PRESSED
+        # A panel keeps off the hand in every phase; while it is driven, it and its handle keep off the world as well.
+        t[_Kind.ARM, _Kind.PANEL], t[_Kind.FINGER, _Kind.PANEL] = arm, finger
+        if phase == Phase.DRIVE:
+            for part in (_Kind.OBJECT, _Kind.PANEL):
+                t[part, _Kind.WORLD] = t[part, _Kind.SUPPORT] = t[part, _Kind.BASE] = held
         table[phase] = np.maximum(t, t.T)
     return table

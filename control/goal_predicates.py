@@ -1,8 +1,8 @@
 """Whether a reward term is met: one definition for states of the twin and for scenes as perceived.
 
-A term is judged on positions and sizes of objects only, so the same words mean the same in both worlds. Each judgement
-has a residual r >= 0, the distance in [m] that is left to go; a term is met exactly when r = 0. Tolerances are wide
-enough that a perception error of 5 mm does not turn a result that is well met.
+A term is judged on positions and sizes of objects and on how far joints are open, so the same words mean the same in
+both worlds. Each judgement has a residual r >= 0, the distance in [m] that is left to go; a term is met exactly when
+r = 0. Tolerances are wide enough that a perception error of 5 mm does not turn a result that is well met.
 
     minimize_l2_distance(a, b)         a lies at the nearest supported place at b: on top of b, or in a container b
     minimize_l2_distance(palm, a)      the tool centre point is within `NEAR_PALM` of the surface of a's box
@@ -10,12 +10,15 @@ enough that a perception error of 5 mm does not turn a result that is well met.
     maximize_l2_distance(a, b, d)      the horizontal distance of the centres is at least d and a lies on the support
     maximize_l2_distance(palm, b, d)   the distance of the tool centre point from b's centre is at least d
     set_obj_z_position(a, z)           a's centre is at least at height z
+    set_joint_fraction(j, f)           joint j stands within `FRACTION_TOLERANCE` of fraction f; r is a share, not [m]
 
-Orientations and joint fractions are refused by name: they are not yet supported, and never silently met.
+Opening and closing are one definition: a door counts as closed when it stands closed, not when nothing was done to it.
+Orientations are refused by name: they are not yet supported, and never silently met.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -28,8 +31,10 @@ VERTICAL_TOLERANCE = 0.015  # [m], of a contact between two perceived boxes: two
 EDGE_MARGIN = 0.005  # [m] by which a centre must lie inside the footprint that carries it: nearer, it would tip
 HEIGHT_TOLERANCE = 0.01  # [m], of a lifted object's centre
 DISTANCE_TOLERANCE = 0.01  # [m], of a horizontal distance to keep
+# Share of a joint's range: 5.4 degrees of a door that turns by 1.9 rad. Perceived doors are off by two or three.
+FRACTION_TOLERANCE = 0.05
 SUPPORT = "table"
-SUPPORTED_KINDS = ("minimize_l2_distance", "maximize_l2_distance", "set_obj_z_position")
+SUPPORTED_KINDS = ("minimize_l2_distance", "maximize_l2_distance", "set_obj_z_position", "set_joint_fraction")
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ class TermJudgement:
 
     Attributes:
         met: Whether it is.
-        residual: Distance left to go in [m]; 0 exactly when met.
+        residual: Distance left to go in [m], of a joint the share of its range; 0 exactly when met.
         text: One sentence for people.
     """
 
@@ -129,6 +134,7 @@ def judge_term(
     rest_palm_position: np.ndarray,
     start_objects: Mapping[str, PosedObject] | None = None,
     support_height: float = 0.0,
+    fractions: Mapping[str, float] = MappingProxyType({}),
 ) -> TermJudgement:
     """Judge one term on a scene.
 
@@ -140,12 +146,17 @@ def judge_term(
         start_objects: The scene before the motion. Where given, "away from b" is measured from where b stood then, so
             that pushing b away does not count.
         support_height: Height of the table top in [m].
+        fractions: How far each joint is open, 0 closed .. 1 open, by name.
 
     Raises:
         RewardSpecError: The term's kind is not supported yet.
-        UnknownObjectError: The term names an object that is not in `objects`.
+        UnknownObjectError: The term names an object that is not in `objects`, or a joint that is not in `fractions`.
     """
     check_supported(term)
+    if term.kind == "set_joint_fraction":
+        if term.subject not in fractions:
+            raise UnknownObjectError(f"no joint named '{term.subject}' in this scene; it has {sorted(fractions)}")
+        return _judge_fraction(term, fractions[term.subject])
     for name in term.names:
         if name not in objects:
             raise UnknownObjectError(f"no object named '{name}' in this scene; it has {sorted(objects)}")
@@ -238,6 +249,13 @@ def _judge_away(
     text = f"{a.name} is {distance * 1e3:.0f} mm from {second} (asked for {wanted * 1e3:.0f} mm)"
     if above:
         text += f" and {height * 1e3:.0f} mm off the {SUPPORT}"
+    return TermJudgement(residual == 0.0, residual, text)
+
+
+def _judge_fraction(term: RewardTerm, fraction: float) -> TermJudgement:
+    wanted = float(term.value or 0.0)
+    residual = max(0.0, abs(fraction - wanted) - FRACTION_TOLERANCE)
+    text = f"{term.subject} is {fraction:.0%} open (asked for {wanted:.0%})"
     return TermJudgement(residual == 0.0, residual, text)
 
 

@@ -91,7 +91,9 @@ def plan_motion(
     bench = Workbench(twin, task, safety, limits, arm, rng)
     search = _Search(bench, spec, nthread)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
-    judged = judge_term(spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height)
+    judged = judge_term(
+        spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height, twin.joint_fractions()
+    )
     if judged.met and twin.held is None and not task.holds:
         return _already_done(bench, task, judged.text, began)
     search.try_all(candidates(bench), max_rollouts)
@@ -179,10 +181,15 @@ class _Search:
 def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyLimits) -> FailureCause | None:
     """What rules out a motion before any search."""
     subject = task.subject or task.target or "palm"
-    for name in sorted(spec.names):
-        if twin.get(name) is None:
-            seen = [o.name for o in twin.objects]
-            return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {sorted(seen)}")
+    for term in spec.terms:
+        for name in term.names:
+            if term.kind == "set_joint_fraction":
+                if twin.joint(name) is None:
+                    known = sorted(j.name for j in twin.joints)
+                    return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")
+            elif twin.get(name) is None:
+                seen = sorted(o.name for o in twin.objects)
+                return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {seen}")
     if task.subject is None:
         return None
     if twin.held is not None and twin.held != task.subject:

@@ -11,7 +11,7 @@ from control.workbench import Workbench
 
 SHIFT = 0.006  # [m], standard deviation of a shift of the whole grasp
 TURN = 0.05  # [rad]
-GRASPED = ("approach", "lift")
+GRASPED = ("approach", "lift", "drive")
 PLACED = ("lower", "retreat")
 
 
@@ -37,6 +37,8 @@ def vary(bench: Workbench, elite: list[Candidate], count: int) -> list[Candidate
 
 def _variant(bench: Workbench, candidate: Candidate) -> Candidate | None:
     grasp_shift, place_shift = bench.rng.normal(0, SHIFT, 3), bench.rng.normal(0, SHIFT, 3)
+    if any(s.name == "drive" for s in candidate.segments):  # what is let go is where the handle is
+        place_shift = grasp_shift
     segments: list[PathSegment] = []
     last = candidate.segments[0].q[0]
     for segment in candidate.segments:

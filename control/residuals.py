@@ -10,6 +10,7 @@ residual's scale, is what the search pays. A reasoner can neither name, weigh no
     self_contact        force between two parts of the robot
     workspace           distance of the tool centre point outside the box, or inside a keep-out zone
     moved               displacement of objects that the subtask does not name
+    joint_moved         the same for the handles of joints: doors that were opened stay open
     tipped              tilt of those objects
     arm_clearance       lack of distance between arm or hand and the world
     finger_clearance    the same for the fingers
@@ -93,6 +94,8 @@ class TwinMotion:
         supports: Bodies that may carry it: those under it at the start, the terms' targets, the table.
         expects_release: Whether the subject has to be let go at the end.
         clearances: Least distances, or None where they were not looked for.
+        fractions: How far each joint of furniture is open, 0..1, joint name -> (n,).
+        handles: Middle of each joint's handle in the world in [m], joint name -> (n, 3).
     """
 
     time: np.ndarray
@@ -105,6 +108,8 @@ class TwinMotion:
     supports: frozenset[str] = field(default_factory=lambda: frozenset({TABLE_BODY}))
     expects_release: bool = False
     clearances: Clearances | None = None
+    fractions: dict[str, np.ndarray] = field(default_factory=dict)
+    handles: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -155,6 +160,7 @@ def safety_residuals(safety: SafetyLimits) -> tuple[SafetyResidual, ...]:
         SafetyResidual("self_contact", "N", 0.0, 15.0, self_contact),
         SafetyResidual("workspace", "m", 0.0, 0.05, lambda motion: outside_workspace(motion, safety)),
         SafetyResidual("moved", "m", safety.moved, 0.02, moved),
+        SafetyResidual("joint_moved", "m", safety.moved, 0.02, joint_moved),
         SafetyResidual("tipped", "rad", safety.tipped, 0.26, tipped),
         SafetyResidual("arm_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "arm")),
         SafetyResidual("finger_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "finger")),
@@ -223,6 +229,19 @@ def moved(motion: TwinMotion) -> Worst:
     return _worst_unnamed(motion, lambda poses: np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1))
 
 
+def joint_moved(motion: TwinMotion) -> Worst:
+    """Largest displacement in [m], from its start, of the handle of a joint that the subtask does not name."""
+    worst = Worst()
+    for name, points in motion.handles.items():
+        if name in motion.named:
+            continue
+        way = np.linalg.norm(points - points[0], axis=1)
+        i = int(np.argmax(way))
+        if way[i] > worst.value:
+            worst = Worst(float(way[i]), float(motion.time[i]), (name,))
+    return worst
+
+
 def tipped(motion: TwinMotion) -> Worst:
     """Largest change in [rad] of the direction of an unnamed object's z axis; a turn about the vertical is none."""
 
@@ -276,12 +295,13 @@ def still_gripped(motion: TwinMotion) -> Worst:
 
 
 def restless(motion: TwinMotion, settle_time: float) -> Worst:
-    """Largest speed in [m/s] of any object over the last `settle_time` [s], measured over 20 ms."""
+    """Largest speed in [m/s] of any object or handle over the last `settle_time` [s], measured over 20 ms."""
     span = _window(motion, SPEED_WINDOW)
     first = int(np.searchsorted(motion.time, motion.time[-1] - settle_time))
     worst = Worst()
-    for name, poses in motion.objects.items():
-        p = poses[first:, :3, 3]
+    places = {name: poses[:, :3, 3] for name, poses in motion.objects.items()} | motion.handles
+    for name, points in places.items():
+        p = points[first:]
         if len(p) <= span:
             continue
         speed = np.linalg.norm(p[span:] - p[:-span], axis=1) / (motion.time[first + span] - motion.time[first])

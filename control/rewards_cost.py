@@ -18,8 +18,8 @@ from control.rewards import PALM, RewardSpec
 from control.subtasks import posed
 from control.twin_model import TwinModel
 
-PRIMARY_WEIGHT = 20.0  # per [m]
-SECONDARY_WEIGHT = 2.0  # per [m]
+PRIMARY_WEIGHT = 20.0  # per [m], or per range of a joint
+SECONDARY_WEIGHT = 2.0  # likewise
 EFFORT_WEIGHT = 0.05  # per [rad] of the candidate's preference
 MOMENTS = 25  # samples over which the best moment of a palm term is sought
 
@@ -93,4 +93,5 @@ def judge_at(
     now = {name: posed(twin, name, poses[k]) for name, poses in motion.objects.items()}
     start = {name: posed(twin, name, poses[0]) for name, poses in motion.objects.items()}
     palm = motion.tcp[k, :3, 3]
-    return [judge_term(t, now, palm, rest_palm, start, twin.support_height) for t in spec.terms]
+    fractions = {name: float(values[k]) for name, values in motion.fractions.items()}
+    return [judge_term(t, now, palm, rest_palm, start, twin.support_height, fractions) for t in spec.terms]

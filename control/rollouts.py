@@ -247,8 +247,9 @@ def record_motion(
     bodies = {o.name: model.body(o.name).id for o in twin.objects}
     tcp = np.tile(np.eye(4), (len(rows), 1, 1))
     poses = {name: np.tile(np.eye(4), (len(rows), 1, 1)) for name in bodies}
+    handles = {j.name: np.zeros((len(rows), 3)) for j in twin.joints}
     steps, pairs, forces = [], [], []
-    names = contact_names(model, frozenset(bodies))
+    names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
     # Contacts between things at rest on each other are nobody's business and most of the work.
     acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES} | ({task.subject} if task.subject else set())
     acts = np.array([n in acting for n in names])
@@ -259,6 +260,9 @@ def record_motion(
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
         for name, body in bodies.items():
             poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+        for joint in twin.joints:
+            body = data.body(joint.body)
+            handles[joint.name][k] = body.xpos + body.xmat.reshape(3, 3) @ joint.handle.centre
         geoms = data.contact.geom[: data.ncon]
         for i in np.flatnonzero(acts[geoms].any(axis=1)):
             a, b = names[geoms[i, 0]], names[geoms[i, 1]]
@@ -285,11 +289,16 @@ def record_motion(
         subject=task.subject,
         supports=supports | {TABLE_BODY} | (spec.names - {task.subject}),
         expects_release=task.releases,
+        fractions={
+            j.name: np.array([j.fraction(x) for x in rollout.qpos[rows, model.joint(j.name).qposadr[0]]])
+            for j in twin.joints
+        },
+        handles=handles,
     )
 
 
 def contact_names(model: mujoco.MjModel, objects: frozenset[str]) -> list[str]:
-    """For each geom the name that contacts are reported under: a robot link, an object, the table."""
+    """For each geom the name that contacts are reported under: a robot link, an object, a door, the table."""
     robot = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES}
     out = []
     for geom in range(model.ngeom):

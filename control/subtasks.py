@@ -15,7 +15,7 @@ from control.goal_predicates import PosedObject, check_supported
 from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
 
-Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring"]
+Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring", "drive"]
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Subtask:
     Attributes:
         manipulation: `reach` the palm near an object; `rest` the palm at its rest position; `retreat` the palm away
             from something; `place` an object on or in another; `away` an object put down far from something; `lift` an
-            object held up; `bring` an object held at the rest position.
-        subject: The object that is handled, or None when only the palm moves.
+            object held up; `bring` an object held at the rest position; `drive` a joint to a fraction by its handle.
+        subject: The object or joint that is handled, or None when only the palm moves.
         target: The other object, "palm" or "rest_position", or None.
         term: The primary term.
     """
@@ -39,7 +39,7 @@ class Subtask:
     @property
     def releases(self) -> bool:
         """Whether the object has to be let go at the end."""
-        return self.manipulation in ("place", "away")
+        return self.manipulation in ("place", "away", "drive")
 
     @property
     def holds(self) -> bool:
@@ -60,6 +60,8 @@ def read_subtask(spec: RewardSpec) -> Subtask:
     places = (PALM, REST_POSITION)
     if term.kind == "set_obj_z_position":
         return Subtask("lift", first, None, term)
+    if term.kind == "set_joint_fraction":
+        return Subtask("drive", first, None, term)
     if term.kind == "maximize_l2_distance":
         if first == PALM or (first in places and second not in places):
             return Subtask("retreat", None, second if first == PALM else first, term)

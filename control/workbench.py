@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from control.collision_filter import NEAR_MARGIN, CollisionFilter, Held, Phase, body_name
+from control.collision_filter import NEAR_MARGIN, CollisionFilter, ObjectAt, Phase, body_name
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
@@ -138,7 +138,7 @@ class Workbench:
         end: np.ndarray,
         phase: Phase,
         width: float,
-        object_at: Held | np.ndarray | None,
+        object_at: ObjectAt,
         planner: bool = False,
     ) -> np.ndarray | None:
         """A free path, shape (n, 7): straight or through a waypoint; with `planner`, RRT-connect as a last resort."""
@@ -157,8 +157,10 @@ class Workbench:
 
 
 def resting_on(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> set[str]:
-    """Names of the bodies that touch a body, the robot's apart."""
+    """Names of the bodies that touch a free body, the robot's apart; what is part of furniture rests on nothing."""
     body = model.body(name).id
+    if model.body_dofnum[body] != 6:
+        return set()
     out: set[str] = set()
     for a, b in model.geom_bodyid[data.contact.geom[: data.ncon]]:
         if body in (a, b):

@@ -36,6 +36,7 @@ class SeenJudge:
             self._rest_palm_position,
             {o.name: _posed(o) for o in before.objects},
             support_height=scene.support_height,
+            fractions={name: f for o in scene.objects for name, f in o.joint_fractions.items()},
         )
 
 

@@ -117,12 +117,31 @@ def test_a_lifted_object_is_judged_by_the_height_of_its_centre():
     assert not low.met and low.residual == pytest.approx(0.04)
 
 
-@pytest.mark.parametrize("kind", ["set_obj_orientation", "set_joint_fraction"])
-def test_terms_that_nothing_can_judge_yet_are_refused_by_name(kind):
+def test_terms_that_nothing_can_judge_yet_are_refused_by_name():
     with pytest.raises(
-        RewardSpecError, match=f"{kind} of 'kettle' is not yet supported by the motion search; it supports"
+        RewardSpecError, match="set_obj_orientation of 'kettle' is not yet supported by the motion search; it supports"
     ):
-        judge(RewardTerm(kind, "kettle", None, 0.5), thing("kettle", (0.5, 0, 0.1), CUBE))
+        judge(RewardTerm("set_obj_orientation", "kettle", None, 0.5), thing("kettle", (0.5, 0, 0.1), CUBE))
+
+
+def joint_at(fraction, wanted):
+    term = RewardTerm("set_joint_fraction", "box_door", None, wanted)
+    return judge_term(term, {}, PALM, REST, fractions={"box_door": fraction, "box_lid": 0.0})
+
+
+@pytest.mark.parametrize(
+    "fraction, wanted, met",
+    [(0.96, 1.0, True), (0.9, 1.0, False), (0.04, 0.0, True), (0.4, 0.0, False), (0.5, 0.3, False), (0.34, 0.3, True)],
+)
+def test_a_joint_is_judged_by_where_it_stands_in_both_directions(fraction, wanted, met):
+    result = joint_at(fraction, wanted)
+    assert result.met is met
+    assert result.residual == pytest.approx(max(0.0, abs(fraction - wanted) - 0.05))
+
+
+def test_a_joint_that_does_not_exist_is_named_beside_those_that_do():
+    with pytest.raises(UnknownObjectError, match=r"no joint named 'mug_door' in this scene; it has \['box_door'\]"):
+        judge_term(RewardTerm("set_joint_fraction", "mug_door", None, 1.0), {}, PALM, REST, fractions={"box_door": 0.0})
 
 
 def test_a_term_about_something_absent_says_what_is_there():

@@ -112,11 +112,18 @@ def rolling():
     return replace(quiet(), objects={**quiet().objects, "red_cube": poses})
 
 
+def swung_shut():
+    points = np.tile([0.5, 0.2, 0.4], (N, 1))
+    points[:, 0] += 0.05 * np.clip(TIME, 0, 1)
+    return replace(quiet(), handles={"box_door": points})
+
+
 CASES = {
     "tracked_hand_speed": (fast(), 0.75, ("panda_hand",)),
     "self_contact": (with_contact(10, "panda_link5", "panda_hand", 3.0), 3.0, ("panda_link5", "panda_hand")),
     "workspace": (outside(), 0.15, ("panda_hand",)),
     "moved": (displaced(), 0.03, ("vase",)),
+    "joint_moved": (swung_shut(), 0.05, ("box_door",)),
     "tipped": (toppled(), 0.5, ("vase",)),
     "held_kept": (slipped(), 0.0399, ("red_cube",)),
     "arm_clearance": (lacking("arm"), 0.004, ("panda_hand", "vase")),
@@ -139,6 +146,11 @@ def test_a_motion_that_breaks_one_rule_is_caught_by_that_rule_alone(name):
     assert set(caught) == {name}
     assert caught[name].worst == pytest.approx(worst, rel=0.05) and caught[name].bodies == bodies
     assert sum(r.cost(motion) for r in safety_residuals(SAFETY)) > 0.0
+
+
+def test_a_joint_that_the_subtask_names_may_move():
+    motion = swung_shut()
+    assert broken(replace(motion, named=motion.named | {"box_door"})) == {}
 
 
 def test_an_arm_that_leans_on_something_breaks_both_rules_about_contacts():
