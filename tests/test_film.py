@@ -17,6 +17,7 @@ def test_the_strip_shows_stills_around_the_motion_in_the_order_of_the_run(tmp_pa
     )
     assert film.write_strip(tmp_path / "strip.png", columns=4, moving=5)
     strip = cv2.imread(str(tmp_path / "strip.png"))
+    assert strip is not None
     tile_height = CAPTION_HEIGHT + 360
     assert strip.shape == (2 * tile_height, 4 * TILE_WIDTH, 3)
     levels = [int(strip[r * tile_height + 200, c * TILE_WIDTH + 200, 0]) for r in range(2) for c in range(4)]

@@ -183,7 +183,7 @@ def test_a_frame_is_written_as_a_coloured_cloud_in_the_world(tmp_path):
 
     frame = render([cube(RED, 0.5, 0.0)])
     count = write_ply(frame, tmp_path / "frame.ply")
-    cloud = open3d.io.read_point_cloud(str(tmp_path / "frame.ply"))
+    cloud = open3d.io.read_point_cloud(tmp_path / "frame.ply")
     points, colours = np.asarray(cloud.points), np.asarray(cloud.colors)
     assert len(points) == count == int(frame.valid_depth.sum())
     reddish = (colours[:, 0] > 0.4) & (colours[:, 1] < 0.25)

@@ -107,6 +107,7 @@ def test_a_robot_process_that_is_killed_while_moving_is_noticed_within_a_second(
     time.sleep(0.5)
     os.kill(child_of(process.pid), signal.SIGKILL)
     killed = time.monotonic()
+    assert process.stderr is not None
     for line in process.stderr:
         if line.startswith("replan: "):
             break
