@@ -1,8 +1,8 @@
 """Grasps that the arm can really reach: free on the way in, around the object, and while lifting it.
 
 There are two manners of taking something. The usual one keeps well off everything. Only where it finds nothing, hands
-are tried that come between close walls: more directions, higher holds, fingers that open less, and a smaller planning
-margin on the last stretch. Both keep the clearances of the safety table.
+are tried that come between close walls: more directions, higher holds, fingers that open less; and where that is not
+enough, a smaller planning margin on the last stretch. All keep the clearances of the safety table.
 """
 
 from dataclasses import dataclass
@@ -102,9 +102,20 @@ def _usual(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
 
 
 def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
+    """With the whole planning margin where that finds something, else with the small one next to the grasp."""
+    ways = _ways(bench, body, BETWEEN_WALLS)
+    bench.counts["looks_between_walls"] += 1
+    out = _roomiest(bench, body, ways, bench.filter)
+    if not out:
+        near = bench.near_filter()
+        bench.counts["looks_between_walls"] += 1
+        out = _roomiest(bench, body, ways, near)
+        bench.filter.checks += near.checks
+    return out
+
+
+def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: CollisionFilter) -> list[ReadyGrasp]:
     """Least effort first, where fingers that open less count as effort: these may touch what is wider than it seems."""
-    bench.counts["grasps_between_walls"] += 1
-    ways, check = _ways(bench, body, BETWEEN_WALLS), bench.near_filter()
     least = 2 * bench.safety.finger_clearance + LEAST_SPARE
     spares = [s for s in NARROWER_OPENINGS if s > least] + [least]
     rows: list[tuple[float, int, tuple[float, ...]]] = []
@@ -119,7 +130,6 @@ def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break
-    bench.filter.checks += check.checks
     return out
 
 

@@ -164,7 +164,7 @@ def test_no_grasp_is_wider_than_the_hand_or_below_the_table():
 def test_a_ball_between_the_close_walls_of_a_bowl_is_taken_out_within_the_clearances_of_the_safety_table():
     twin = ball_in_bowl()
     plan = search(twin, only("maximize_l2_distance", "ball", "bowl", 0.2))
-    assert isinstance(plan, MotionPlan) and plan.stats.counts["grasps_between_walls"] == 1
+    assert isinstance(plan, MotionPlan) and plan.stats.counts["looks_between_walls"] >= 1
     ends = final_positions(twin, plan)
     assert np.linalg.norm(ends["ball"][:2] - ends["bowl"][:2]) > 0.19
     assert ends["ball"][2] == pytest.approx(0.0285, abs=0.003)
@@ -192,7 +192,7 @@ def test_a_ball_is_refused_and_its_bowl_named_where_walls_or_the_safety_table_le
 
 def test_where_there_is_room_nobody_looks_for_ways_between_walls():
     plan = search(fruit(), only("set_obj_z_position", "apple", None, 0.2))
-    assert isinstance(plan, MotionPlan) and "grasps_between_walls" not in plan.stats.counts
+    assert isinstance(plan, MotionPlan) and "looks_between_walls" not in plan.stats.counts
 
 
 def test_higher_holds_of_a_round_thing_stay_where_friction_holds_it():
