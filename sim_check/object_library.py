@@ -126,7 +126,7 @@ class _Noun:
         colour: Usual colour.
     """
 
-    form: Literal["box", "round", "cylinder", "bowl"]
+    form: Literal["box", "round", "cylinder", "bowl", "kettle"]
     extents: tuple[float, float, float]
     density: float
     friction: float
@@ -147,7 +147,11 @@ _NOUNS: dict[str, _Noun] = {
     "can": _Noun("cylinder", (0.066, 0.066, 0.115), 1000.0, 0.5, "red"),
     "cylinder": _Noun("cylinder", (0.05, 0.05, 0.08), 700.0, 0.6, "green"),
     "bowl": _Noun("bowl", (0.144, 0.144, 0.053), 2200.0, 0.4, "blue"),
+    "kettle": _Noun("kettle", (0.13, 0.10, 0.20), 700.0, 0.5, "blue"),
 }
+# A kettle's shares: body's height; length of spout beyond the body against the whole length. Its handle is a round bar
+# that the hand can always close on, however large the kettle was seen.
+_KETTLE_BODY, _KETTLE_SPOUT, _KETTLE_BAR = 0.66, 0.23, 0.009
 _BOWL_SEGMENTS = 16
 # Shares of a bowl's outer radius (wall, foot) and of its height (floor); a soup bowl's proportions.
 _BOWL_WALL, _BOWL_FOOT, _BOWL_FLOOR = 0.065, 0.66, 0.11
@@ -187,10 +191,13 @@ def object_model(name: str, extents: np.ndarray | None = None, shape: Shape | No
         )
     form = row.form if row else {"box": "box", "sphere": "round", "cylinder": "cylinder"}[shape or "box"]
     inner_floor = inner_radius = 0.0
+    handle = None
     if form == "bowl":
         solids, sizes, inner_floor, inner_radius = _bowl(sizes)
     elif form == "round":
         solids, sizes = _round(sizes)
+    elif form == "kettle":
+        solids, handle = _kettle(name, sizes)
     elif form == "cylinder":
         radius = (sizes[0] + sizes[1]) / 4
         sizes = np.array([2 * radius, 2 * radius, sizes[2]])
@@ -211,6 +218,7 @@ def object_model(name: str, extents: np.ndarray | None = None, shape: Shape | No
         inner_floor=inner_floor,
         inner_radius=inner_radius,
         rgb=_colour(name, noun, row),
+        handle=handle,
     )
 
 
@@ -282,3 +290,37 @@ def _bowl(sizes: np.ndarray) -> tuple[tuple[Solid, ...], np.ndarray, float, floa
         )
         solids.append(Solid("box", half, position, quat))
     return tuple(solids), sizes, float(floor), float(inner_high[0])
+
+
+def _kettle(name: str, sizes: np.ndarray) -> tuple[tuple[Solid, ...], Handle]:
+    """A round body, a spout towards +x, and above the body a bar along x on two posts."""
+    half, bar = sizes / 2, _KETTLE_BAR
+    radius = min(float(half[1]), sizes[0] * (1 - _KETTLE_SPOUT) / 2)
+    middle = radius - half[0]  # x of the body's axis; the spout takes the rest
+    lid = _KETTLE_BODY * sizes[2] - half[2]
+    height = half[2] - bar  # z of the bar's axis
+    reach = 0.75 * radius
+    level = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])  # z to x
+    post = np.array([0.7 * bar, 0.7 * bar, (height - lid) / 2])
+    spout = (half[0] - (middle + 0.8 * radius)) / 2
+    solids = (
+        Solid(
+            "cylinder", np.array([radius, radius, (lid + half[2]) / 2]), np.array([middle, 0.0, (lid - half[2]) / 2])
+        ),
+        Solid("capsule", np.array([bar, bar, reach]), np.array([middle, 0.0, height]), level),
+        Solid("cylinder", post, np.array([middle - reach, 0.0, (lid + height) / 2])),
+        Solid("cylinder", post, np.array([middle + reach, 0.0, (lid + height) / 2])),
+        Solid("cylinder", np.array([0.012, 0.012, spout]), np.array([half[0] - spout, 0.0, 0.6 * lid]), level),
+    )
+    handle = Handle(
+        body=name,
+        shape="capsule",
+        centre=np.array([middle, 0.0, height]),
+        axis=np.array([1.0, 0.0, 0.0]),
+        outward=np.array([0.0, 0.0, 1.0]),
+        half_length=reach - 0.01 - 0.7 * bar,
+        half_width=bar,
+        half_depth=bar,
+        clearance=float(height - bar - lid),
+    )
+    return solids, handle

@@ -5,15 +5,17 @@ tops are trusted and bottoms follow from supports.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import mujoco
 import numpy as np
 
 from control.errors import StackError
 from control.twin_model import TwinModel
 from sim_check.furniture_model import FurnitureModel
-from sim_check.object_library import ObjectModel, Solid, object_model
+from sim_check.ledges import carried_at, furniture_ledges
+from sim_check.object_library import ObjectModel, object_model
+from sim_check.placed import Fixed, Standing
+from sim_check.snapping import snap
 
 # Gap or overlap with its support, in [m], that is taken for an error of the inferred bottom: the box is made taller or
 # shorter and its top stays. A larger gap means that the whole thing was perceived too high: it is lowered.
@@ -23,44 +25,6 @@ FLOATING = 0.10
 # A thing cannot be lower than this share of its perceived height once its bottom is corrected.
 LEAST_HEIGHT = 0.35
 _AIR = 2e-4  # left under things for the contact to close, in [m]
-
-
-@dataclass(frozen=True)
-class Standing:
-    """A thing and where it is.
-
-    Attributes:
-        thing: What it is.
-        pose: Its frame in the world, shape (4, 4).
-    """
-
-    thing: ObjectModel
-    pose: np.ndarray
-
-    @property
-    def top(self) -> float:
-        """Height of its highest point in the world in [m], its z being up."""
-        return float(self.pose[2, 3] + self.thing.extents[2] / 2)
-
-    @property
-    def bottom(self) -> float:
-        """Height of its lowest point in the world in [m], its z being up."""
-        return float(self.pose[2, 3] - self.thing.extents[2] / 2)
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """Furniture and where it is.
-
-    Attributes:
-        thing: What it is.
-        pose: Its frame in the world, shape (4, 4); z is up.
-        fractions: How far its joints are open, 0 closed .. 1 open, by name.
-    """
-
-    thing: FurnitureModel
-    pose: np.ndarray
-    fractions: dict[str, float]
 
 
 def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = ()) -> list[Standing]:
@@ -81,9 +45,14 @@ def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = 
         StackError: A thing floats more than `FLOATING` above anything that could carry it.
     """
     placed: list[Standing] = []
+    ledges = [ledge for f in furniture for ledge in furniture_ledges(f)]
     for s in sorted((replace(s, pose=upright(s.pose)) for s in things), key=lambda s: (_container_first(s), s.top)):
-        under = [table] + [_support_height(s, other) for other in placed]
-        placed.append(_on(s, max(under + [_ledge_height(s, f) for f in furniture])))
+        under = max([table] + [_support_height(s, other) for other in placed])
+        shelf, hung = carried_at(s, ledges)
+        rested = None
+        if hung > max(under, shelf) or (ledges and s.bottom - max(under, shelf) > FLOATING):
+            rested = snap(s.thing, s.pose, furniture, [ledge.top for ledge in ledges])
+        placed.append(rested or _on(s, max(under, shelf, hung)))
     return placed
 
 
@@ -168,77 +137,6 @@ def _support_height(s: Standing, other: Standing) -> float:
         return -np.inf
     # What ends below the other's top is beside it or inside it, not on it.
     return other.top if s.top > other.top + LEAST_HEIGHT * min(s.thing.extents[2], 0.03) else -np.inf
-
-
-def _ledge_height(s: Standing, furniture: Fixed) -> float:
-    """Height at which furniture carries a thing in [m]; minus infinity if it does not.
-
-    Every solid of it that lies under the thing's footprint carries it if it ends no higher than the thing's bottom,
-    errors of the bottom allowed; of a shelf and a top, the top ends higher than what stands inside.
-    """
-    best = -np.inf
-    slack = min(max(BOTTOM_ERROR, 0.4 * s.thing.extents[2]), 0.03)
-    for solid, pose in _world_solids(furniture):
-        top = float(pose[2, 3] + _half_height(solid, pose))
-        if top <= s.bottom + slack and top > best and _above(s, solid, pose):
-            best = top
-    return best
-
-
-def _world_solids(furniture: Fixed) -> list[tuple[Solid, np.ndarray]]:
-    """Solids of furniture, its parts opened, with their poses in the world."""
-    frames = [(furniture.pose, furniture.thing.boards)]
-    for part in furniture.thing.parts:
-        value = furniture.fractions.get(part.name, 0.0) * part.opened
-        move = np.eye(4)
-        if part.kind == "hinge":
-            quat, rotation = np.zeros(4), np.zeros(9)
-            mujoco.mju_axisAngle2Quat(quat, part.axis, value)
-            mujoco.mju_quat2Mat(rotation, quat)
-            move[:3, :3] = rotation.reshape(3, 3)
-            move[:3, 3] = part.anchor
-        else:
-            move[:3, 3] = part.anchor + value * part.axis
-        frames.append((furniture.pose @ move, part.boards))
-    out = []
-    for frame, boards in frames:
-        for board in boards:
-            if board.solid_to_touch:
-                local, rotation = np.eye(4), np.zeros(9)
-                mujoco.mju_quat2Mat(rotation, np.asarray(board.solid.quat, float))
-                local[:3, :3], local[:3, 3] = rotation.reshape(3, 3), board.solid.position
-                out.append((board.solid, frame @ local))
-    return out
-
-
-def _half_sizes(solid: Solid) -> np.ndarray:
-    half = np.array(solid.half, float)
-    if solid.kind == "capsule":
-        half[2] += half[0]
-    return half
-
-
-def _half_height(solid: Solid, pose: np.ndarray) -> float:
-    half = np.array(solid.half, float)
-    if solid.kind == "capsule":
-        return float(abs(pose[2, 2]) * half[2] + half[0])
-    return float(np.abs(pose[2, :3]) @ half)
-
-
-def _above(s: Standing, solid: Solid, pose: np.ndarray) -> bool:
-    """Whether a thing's footprint and a solid's, as rectangles on the ground, overlap: separating axes."""
-    ours = (s.pose[:2, 3], s.pose[:2, :3] * (s.thing.extents / 2))
-    theirs = (pose[:2, 3], pose[:2, :3] * _half_sizes(solid))
-    between = theirs[0] - ours[0]
-    for axis in (*s.pose[:2, :2].T, *pose[:2, :3].T):
-        length = np.linalg.norm(axis)
-        if length < 1e-6:
-            continue
-        axis = axis / length
-        reach = np.abs(axis @ ours[1]).sum() + np.abs(axis @ theirs[1]).sum()
-        if abs(float(axis @ between)) > reach:
-            return False
-    return True
 
 
 def _on(s: Standing, support: float) -> Standing:

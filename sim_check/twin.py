@@ -28,6 +28,7 @@ from sim_check.furniture_mjcf import add_furniture, set_fractions
 from sim_check.furniture_model import FurnitureModel
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
+from sim_check.placed import Fixed, Standing
 from sim_check.scene_mjcf import (
     add_lights,
     add_object,
@@ -39,7 +40,7 @@ from sim_check.scene_mjcf import (
     set_rendering,
 )
 from sim_check.settling import free_bodies, move_apart, settle, touching
-from sim_check.supports import Fixed, Standing, carrier, set_down, stand
+from sim_check.supports import carrier, set_down, stand
 
 TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
 MAX_WIDTH = 0.08  # of the gripper in [m]
