@@ -8,11 +8,12 @@ stop as soon as a few of them have proved themselves.
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice, product
 
 import numpy as np
 
 from control.collision_filter import Held, JointAt, Phase
-from control.driving import drive_segments, ready_drives
+from control.driving import JointMotion, ReadyDrive, drive_segments, ready_drives
 from control.goal_predicates import PosedObject, judge_term
 from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
@@ -25,6 +26,7 @@ from control.workbench import Workbench, path_length, straight_targets
 READY_GRASPS = 10  # grasps that are joined with places
 USES = 3  # candidates of one group of places that share one grasp
 GROUP = 12  # places that are looked at together, about one spot in all its turns
+JOINED = 60  # combinations of holds of a handle for which ways are looked for
 PLANNED = 4  # pairs for which RRT-connect is tried, where straight ways are obstructed
 HOVER = 0.018  # [m] between an object's surface and the tool centre point that "reaches" it
 REACH_PITCHES = np.radians([90.0, 65.0, 45.0, 30.0])
@@ -161,27 +163,47 @@ def _raise(bench: Workbench, grasp: ReadyGrasp, start: np.ndarray, height: float
 
 
 def _drives(bench: Workbench) -> Iterator[Candidate]:
-    """Take a joint's handle, take it along to where the joint should stand, let go, leave."""
-    drives = ready_drives(bench)
-    name = str(bench.subtask.subject)
+    """Take a joint's handle along to where the joint should stand; halfway with a new hold where one does not do."""
+    joint = bench.twin.joint(str(bench.subtask.subject))
+    if joint is None:
+        return
+    goal = joint.position(float(bench.subtask.term.value or 0.0))
+    found = False
+    for candidate in _driven(bench, joint.name, [ready_drives(bench, joint, goal)]):
+        found = True
+        yield candidate
+    if not found:
+        half = (JointMotion.of(bench.twin, joint).start + goal) / 2
+        first = ready_drives(bench, joint, half)
+        if first:
+            second = ready_drives(bench, joint, goal, half, first[0].leave[-1])
+            yield from _driven(bench, joint.name, [first, second])
+
+
+def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:
+    """Holds joined by free ways, one of each leg in turn; with RRT-connect only where nothing else is free."""
     for planner in (False, True):
-        found = 0
-        for drive in drives[: PLANNED if planner else None]:
+        found = False
+        for drives in islice(product(*legs), PLANNED if planner else JOINED):
             bench.counts["pairs"] += 1
-            reach = bench.way(
-                bench.start_q, drive.arrive[0], Phase.FREE, drive.opening, JointAt(drive.positions[0]), planner
-            )
-            if reach is None:
-                continue
-            home = bench.way(
-                drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(drive.positions[-1]), planner
-            )
-            if home is None:
-                continue
-            found += 1
-            effort = path_length(reach) + path_length(drive.along) + path_length(home)
-            segments = drive_segments(drive, name, reach, home, bench.twin.gripper_width)
-            yield Candidate(segments, f"drive ({drive.text})", effort)
+            segments: list[PathSegment] = []
+            q, width, effort = bench.start_q, bench.twin.gripper_width, 0.0
+            for drive in drives:
+                at = JointAt(float(drive.positions[0]))
+                reach = bench.way(q, drive.arrive[0], Phase.FREE, max(width, drive.opening), at, planner)
+                if reach is None:
+                    break
+                segments += drive_segments(drive, joint, reach, width)
+                q, width = drive.leave[-1], drive.opening
+                effort += path_length(reach) + path_length(drive.along)
+            else:
+                at = JointAt(float(drives[-1].positions[-1]))
+                home = bench.way(q, np.array(REST_Q), Phase.FREE, width, at, planner)
+                if home is not None:
+                    found = True
+                    text = ", then ".join(d.text for d in drives)
+                    segments.append(PathSegment("home", home))
+                    yield Candidate(tuple(segments), f"drive ({text})", effort + path_length(home))
         if found:
             return
 

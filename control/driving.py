@@ -19,11 +19,12 @@ from control.trajectory import GripperCommand, PathSegment
 from control.twin_model import Handle, TwinJoint, TwinModel
 from control.workbench import Workbench, path_length, straight_targets
 
-AROUND = np.radians([0.0, 20.0, -20.0, 35.0, -35.0, 55.0, -55.0, 75.0, -75.0])  # approaches about the bar, from its outward side
+# Approaches about the bar, from its outward side.
+AROUND = np.radians([0.0, 20.0, -20.0, 35.0, -35.0, 55.0, -55.0, 75.0, -75.0])
 TILTS = np.radians([0.0, 25.0, -25.0, 45.0, -45.0, 65.0, -65.0])  # of the approach along the bar
 BESIDE_BOX = np.radians([0.0, 90.0, -90.0])  # the approaches about a bar with flat sides
 ALONG = (0.0, 0.5, -0.5)  # points on the bar, in half lengths
-SHARES = (0.5, 0.25, 0.75, 0.62, 0.0, 1.0)  # of a hinge's rotation that the hand follows
+SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
 DRIVE_STEP = 0.02  # [m] of the handle between waypoints
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
@@ -81,8 +82,8 @@ class JointMotion:
         hinge: Whether it turns; else it slides.
         axis: Unit vector, shape (3,).
         anchor: Point on the axis in [m], shape (3,).
-        start: Joint position now in [rad] or [m].
-        world_T_body: Pose of the moving body now, shape (4, 4).
+        start: Joint position in [rad] or [m] at which the hand takes hold.
+        world_T_body: Pose of the moving body there, shape (4, 4).
     """
 
     hinge: bool
@@ -92,17 +93,21 @@ class JointMotion:
     world_T_body: np.ndarray
 
     @classmethod
-    def of(cls, twin: TwinModel, joint: TwinJoint) -> "JointMotion":
-        """Of a joint as it stands in a twin."""
-        data = twin.start()
-        body, number = data.body(joint.body), twin.model.joint(joint.name).id
+    def of(cls, twin: TwinModel, joint: TwinJoint, position: float | None = None) -> "JointMotion":
+        """Of a joint as it stands in a twin, or at another position in [rad] or [m]."""
+        data, number = twin.start(), twin.model.joint(joint.name).id
+        address = twin.model.jnt_qposadr[number]
+        if position is not None:
+            data.qpos[address] = position
+            mujoco.mj_kinematics(twin.model, data)
+            mujoco.mj_comPos(twin.model, data)
+        body, start = data.body(joint.body), float(data.qpos[address])
         world_T_body = pose(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
-        start = float(data.qpos[twin.model.jnt_qposadr[number]])
         hinge = twin.model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
         return cls(bool(hinge), data.xaxis[number].copy(), data.xanchor[number].copy(), start, world_T_body)
 
     def carried(self, world_T_tool: np.ndarray, position: float, share: float = 1.0) -> np.ndarray:
-        """A tool's pose (4, 4) when the joint has gone from where it is to `position`, in [rad] or [m].
+        """A tool's pose (4, 4) when the joint has gone from the start to `position`, in [rad] or [m].
 
         The tool's point goes along with the body; its attitude turns by `share` of the joint's rotation.
         """
@@ -125,13 +130,20 @@ class JointMotion:
         return float(np.linalg.norm(np.cross(self.axis, point - self.anchor))) if self.hinge else 1.0
 
 
-def ready_drives(bench: Workbench) -> list[ReadyDrive]:
-    """Up to `MOST_READY` ways to bring the subtask's joint to its fraction; least motion first."""
-    joint = bench.twin.joint(str(bench.subtask.subject))
-    if joint is None:
-        return []
-    motion = JointMotion.of(bench.twin, joint)
-    goal = joint.position(float(bench.subtask.term.value or 0.0))
+def ready_drives(
+    bench: Workbench, joint: TwinJoint, goal: float, start: float | None = None, near: np.ndarray | None = None
+) -> list[ReadyDrive]:
+    """Up to `MOST_READY` ways to bring a joint to a position; least motion first.
+
+    Args:
+        bench: Surroundings of the search.
+        joint: The subtask's joint.
+        goal: Where it should stand in [rad] or [m].
+        start: Where it stands in [rad] or [m]; as in the twin by default.
+        near: Where the arm comes from in [rad], shape (7,); the start by default.
+    """
+    motion = JointMotion.of(bench.twin, joint, start)
+    near = bench.start_q if near is None else near
     offered = handle_grasps(joint.handle, motion.world_T_body)
     bench.counts["grasps"] += len(offered)
     owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
@@ -140,33 +152,29 @@ def ready_drives(bench: Workbench) -> list[ReadyDrive]:
     outwards, ok = bench.follow(
         solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.world_T_tcp[:3, 2]) for g in chosen]
     )
-    effort = [float(np.abs(q - bench.start_q).max() + 0.2 * np.abs(q - REST_Q).max()) for q in solutions]
-    free: list[tuple[int, float]] = []  # which solution, with which opening
+    effort = [float(np.abs(q - near).max() + 0.2 * np.abs(q - REST_Q).max()) for q in solutions]
     out: list[tuple[float, ReadyDrive]] = []
     order = [int(i) for i in np.argsort(effort, kind="stable") if ok[i]]
     for first in range(0, len(order), AT_ONCE):
-        free = []
+        free: list[tuple[int, float]] = []  # which solution, with which opening
         for i in order[first : first + AT_ONCE]:
             opening = _opening(bench, chosen[i], solutions[i], outwards[i], JointAt(motion.start))
             if opening is not None:
                 free.append((i, opening))
         bench.counts["grasps_free"] += len(free)
-        out += _taken_along(bench, motion, goal, chosen, solutions, outwards, free)
+        out += _taken_along(bench, motion, goal, near, chosen, solutions, outwards, free)
         if len(out) >= MOST_READY:
             break
     return [drive for _, drive in sorted(out, key=lambda row: row[0])]
 
 
-def drive_segments(
-    drive: ReadyDrive, joint: str, reach: np.ndarray, home: np.ndarray, gripper_width: float
-) -> tuple[PathSegment, ...]:
-    """Reach, take hold, drive, let go, leave and go home.
+def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_width: float) -> tuple[PathSegment, ...]:
+    """Reach, take hold, drive, let go and leave.
 
     Args:
-        drive: Between the two transits.
+        drive: What follows the transit.
         joint: Name of the joint.
-        reach: From the start to the pre-grasp, shape (n, 7).
-        home: From the end of the retreat to rest, shape (m, 7).
+        reach: To the pre-grasp, shape (n, 7).
         gripper_width: Distance between the pads at the start in [m].
     """
     opens = abs(drive.opening - gripper_width) > 0.002
@@ -177,7 +185,6 @@ def drive_segments(
         PathSegment("approach", drive.arrive, hold, None, touching, MEDIUM),
         PathSegment("drive", drive.along, GripperCommand("move", drive.opening), None, touching, SLOW),
         PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),
-        PathSegment("home", home),
     )
 
 
@@ -218,6 +225,7 @@ def _taken_along(
     bench: Workbench,
     motion: JointMotion,
     goal: float,
+    near: np.ndarray,
     grasps: list[HandleGrasp],
     solutions: np.ndarray,
     outwards: list[np.ndarray],
@@ -244,7 +252,7 @@ def _taken_along(
             continue
         bench.counts["drives_free"] += 1
         path = np.vstack([solutions[i][None], along[n]])
-        effort = float(np.abs(solutions[i] - bench.start_q).max()) + path_length(path)
+        effort = float(np.abs(solutions[i] - near).max()) + path_length(path)
         leave = np.vstack([path[-1:], leaves[n]])
         arrive = np.vstack([outwards[i][::-1], solutions[i][None]])
         sign = np.sign(goal - motion.start)

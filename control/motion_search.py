@@ -290,6 +290,13 @@ def _lost_at(bench: Workbench, subject: str) -> str:
         return (
             f"'{subject}' cannot be taken: all {counts['grasps_reachable']} reachable grasps come too close to {near}"
         )
+    if task.manipulation == "drive":
+        if not counts["drives_free"]:
+            return (
+                f"'{subject}' cannot be driven as far as asked: none of {counts['grasps_free']} free holds of its "
+                f"handle can be taken along, near {near}"
+            )
+        return f"no free way to or from the handle of '{subject}', near {near}"
     if task.releases and not counts["places"]:
         return f"there is no free place for '{subject}' that meets the goal"
     if task.releases and not counts["places_reachable"]:
