@@ -5,13 +5,14 @@ Mistakes in a file are told by file, place and what would be valid there.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from control.errors import ConfigError
 from sim_check.cell_config import CameraConfig, CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
+from sim_check.furniture_config import furniture_kinds
 
 __all__ = [
     "DEFAULT_CELL",
@@ -108,37 +109,58 @@ def _explain(path: Path, error: ValidationError) -> str:
     """One line per fault: file, key path, what was wrong, what would be valid."""
     lines = []
     for fault in error.errors():
-        where = _key_path(fault["loc"])
+        where, _ = _follow(fault["loc"])
         if fault["type"] == "extra_forbidden":
-            valid = ", ".join(_valid_keys(fault["loc"][:-1]))
-            lines.append(f"{path}: unknown key '{where}'; valid keys there are {valid}")
+            _, model = _follow(fault["loc"][:-1])
+            lines.append(f"{path}: unknown key '{where}'; valid keys there are {', '.join(_keys(model))}")
         elif fault["type"] == "missing":
             lines.append(f"{path}: key '{where}' is missing")
+        elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            tag = fault.get("ctx", {}).get("tag")
+            said = "key 'kind' is missing" if tag is None else f"there is no kind '{tag}'"
+            lines.append(f"{path}: {where}: {said}; kinds are {', '.join(furniture_kinds())}")
         else:
             message = fault["msg"].removeprefix("Value error, ")
             lines.append(f"{path}: {where}: {message}" if where else f"{path}: {message}")
     return "\n".join(lines)
 
 
-def _key_path(loc: tuple[str | int, ...]) -> str:
-    text = ""
+def _follow(loc: tuple[str | int, ...]) -> tuple[str, Any]:
+    """Key path of a fault's place as a person would write it, and the type of what lies there."""
+    text, here = "", CellConfig
     for part in loc:
-        text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part}"
-    return text
-
-
-def _valid_keys(loc: tuple[str | int, ...]) -> list[str]:
-    """Keys of the model that lies at a place in a cell file."""
-    model: type[BaseModel] = CellConfig
-    for part in loc:
-        if isinstance(part, int):
+        here = _without_none(here)
+        kinds = [m for m in get_args(here) if _is_model(m) and part in get_args(_field(m, "kind"))]
+        if kinds:  # which kind it is stands beside the keys, not above them
+            here = kinds[0]
             continue
-        model = _model_in(model.model_fields[part].annotation) or model
-    return list(model.model_fields)
+        text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part}"
+        if _is_model(here):
+            here = _field(here, part)
+        else:
+            items = [a for a in get_args(here) if a is not Ellipsis]
+            here = items[-1] if items else None
+    return text, here
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = (_model_in(a) for a in get_args(annotation))
-    return next((m for m in found if m is not None), None)
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _field(model: Any, name: str | int) -> Any:
+    field = model.model_fields.get(name)
+    return None if field is None else field.annotation
+
+
+def _without_none(annotation: Any) -> Any:
+    """What an annotation says, apart from constraints and from that it may be left out."""
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    options = [a for a in get_args(annotation) if a is not type(None)]
+    optional = len(options) == 1 and len(get_args(annotation)) == 2
+    return _without_none(options[0]) if optional else annotation
+
+
+def _keys(annotation: Any) -> list[str]:
+    model = _without_none(annotation)
+    return list(model.model_fields) if _is_model(model) else []

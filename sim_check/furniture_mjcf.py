@@ -15,6 +15,8 @@ from sim_check.scene_mjcf import CONTACT_SOLREF, add_solid, quat_of
 
 FRICTION = (0.5, 0.005, 0.0001)
 DOOR_ARMATURE = 0.01  # [kg m^2] or [kg]
+# Time constant in [s] of dry friction, as stiff as a 4 ms step allows: softer, doors creep under light pulls.
+DRY_SOLREF = (0.01, 1.0)
 _GRAIN = 0.10  # how much darker the grain of wood is
 
 
@@ -71,6 +73,7 @@ def _add_joint(body: mujoco.MjsBody, part: MovingPart) -> None:
         damping=[part.damping, 0.0, 0.0],
         armature=DOOR_ARMATURE,
     )
+    joint.solref_friction = DRY_SOLREF
     if part.stiffness > 0:
         joint.stiffness = [part.stiffness, 0.0, 0.0]
         # A spring at rest beyond the end of the range presses the part against that end; the part's own weight, which

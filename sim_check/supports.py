@@ -24,6 +24,7 @@ BOTTOM_ERROR = 0.012
 FLOATING = 0.10
 # A thing cannot be lower than this share of its perceived height once its bottom is corrected.
 LEAST_HEIGHT = 0.35
+LEAST_ON_SHELF = 0.012  # height in [m] of what lies on a shelf or on top of furniture
 _AIR = 2e-4  # left under things for the contact to close, in [m]
 
 
@@ -52,7 +53,7 @@ def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = 
         rested = None
         if hung > max(under, shelf) or (ledges and s.bottom - max(under, shelf) > FLOATING):
             rested = snap(s.thing, s.pose, furniture, [ledge.top for ledge in ledges])
-        placed.append(rested or _on(s, max(under, shelf, hung)))
+        placed.append(rested or _on(s, max(under, shelf, hung), inside=shelf >= max(under, hung)))
     return placed
 
 
@@ -139,8 +140,11 @@ def _support_height(s: Standing, other: Standing) -> float:
     return other.top if s.top > other.top + LEAST_HEIGHT * min(s.thing.extents[2], 0.03) else -np.inf
 
 
-def _on(s: Standing, support: float) -> Standing:
-    """The thing with its bottom at a height in [m]."""
+def _on(s: Standing, support: float, inside: bool = False) -> Standing:
+    """The thing with its bottom at a height in [m].
+
+    Perception takes a box down to the table; of one on a shelf (`inside`) little may be left above it.
+    """
     gap = s.bottom - support
     if gap > FLOATING:
         raise StackError(
@@ -148,7 +152,8 @@ def _on(s: Standing, support: float) -> Standing:
             "say that it is held if the hand has it, else look again"
         )
     height = s.top - support
-    stretch = gap < BOTTOM_ERROR and height >= LEAST_HEIGHT * s.thing.extents[2]
+    least = LEAST_ON_SHELF if inside else LEAST_HEIGHT * s.thing.extents[2]
+    stretch = gap < BOTTOM_ERROR and height >= least
     if stretch and not s.thing.rolls and not s.thing.container:
         extents = np.array([s.thing.extents[0], s.thing.extents[1], height])
         s = replace(s, thing=object_model(s.thing.name, extents, _solid(s.thing)))
