@@ -19,7 +19,7 @@ from hw_interface.wire import M, Message, decode, encode
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 # A frozen process is noticed after its lease; four keep-alives a lease leave room for a busy machine.
-LEASE_MS = 400
+LEASE_MS = 600
 KEEP_ALIVES_PER_LEASE = 4
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
