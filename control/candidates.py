@@ -26,6 +26,7 @@ from control.workbench import Workbench, path_length, straight_targets
 READY_GRASPS = 10  # grasps that are joined with places
 USES = 3  # candidates of one group of places that share one grasp
 GROUP = 12  # places that are looked at together, about one spot in all its turns
+NEW_HOLDS = (0.5, 0.65, 0.35)  # shares of a joint's way at which the hand may take a new hold
 JOINED = 60  # combinations of holds of a handle for which ways are looked for
 PLANNED = 4  # pairs for which RRT-connect is tried, where straight ways are obstructed
 HOVER = 0.018  # [m] between an object's surface and the tool centre point that "reaches" it
@@ -172,19 +173,28 @@ def _drives(bench: Workbench) -> Iterator[Candidate]:
     for candidate in _driven(bench, joint.name, [ready_drives(bench, joint, goal)]):
         found = True
         yield candidate
-    if not found:
-        half = (JointMotion.of(bench.twin, joint).start + goal) / 2
-        first = ready_drives(bench, joint, half)
+    start = JointMotion.of(bench.twin, joint).start
+    for share in NEW_HOLDS:
+        if found:
+            return
+        between = start + share * (goal - start)
+        first = ready_drives(bench, joint, between)
         if first:
-            second = ready_drives(bench, joint, goal, half, first[0].leave[-1])
-            yield from _driven(bench, joint.name, [first, second])
+            second = ready_drives(bench, joint, goal, between, first[0].leave[-1])
+            for candidate in _driven(bench, joint.name, [first, second]):
+                found = True
+                yield candidate
 
 
 def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:
     """Holds joined by free ways, one of each leg in turn; with RRT-connect only where nothing else is free."""
     for planner in (False, True):
         found = False
-        for drives in islice(product(*legs), PLANNED if planner else JOINED):
+        blocked: set[int] = set()  # first holds that cannot be reached
+        # Best with best first, then one of them second best, and so on.
+        ranks = sorted(product(*(range(len(leg)) for leg in legs)), key=sum)
+        for rank in islice((r for r in ranks if r[0] not in blocked), PLANNED if planner else JOINED):
+            drives = [leg[i] for leg, i in zip(legs, rank, strict=True)]
             bench.counts["pairs"] += 1
             segments: list[PathSegment] = []
             q, width, effort = bench.start_q, bench.twin.gripper_width, 0.0
@@ -192,6 +202,8 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
                 at = JointAt(float(drive.positions[0]))
                 reach = bench.way(q, drive.arrive[0], Phase.FREE, max(width, drive.opening), at, planner)
                 if reach is None:
+                    if drive is drives[0]:
+                        blocked.add(rank[0])
                     break
                 segments += drive_segments(drive, joint, reach, width)
                 q, width = drive.leave[-1], drive.opening

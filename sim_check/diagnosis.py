@@ -5,7 +5,6 @@ where they are. If motions exist with all of them gone, but not with all of them
 without which it works, else a smallest set. Nothing here knows a name or a scene; it is all geometry and simulation.
 """
 
-import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,10 @@ from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
 from control.rewards import RewardSpec
 from control.safety import SafetyLimits
+from control.subtasks import read_subtask
 from control.twin_model import TwinModel
+from sim_check.ghosts import ghosted
+from sim_check.joint_diagnosis import JointBlame, blame
 
 EXPLAINABLE = ("no_candidate", "unsafe")
 ROLLOUTS = 6  # candidates that are simulated for one thought
@@ -36,20 +38,34 @@ def diagnose(
     Args:
         twin: Where the search failed.
         spec: What it should have achieved.
-        failure: What the search said; None searches first.
+        failure: What the search said; None searches first (a motion was played and did not achieve it).
         safety: The safety table.
         rng: Source of randomness.
         kinematics: The arm; read from its URDF when left out.
         nthread: Threads for simulation; the answer does not depend on it.
 
     Returns:
-        `blocked_by` with the bodies and what would be possible without each; or the failure as it was, with what was
+        `blocked_by` with the bodies and what would be possible without each; `locked` for a joint that is free in the
+        twin though it did not move; or the failure as it was, with what was
         found out in its evidence, when nothing movable explains it.
     """
     arm = kinematics or ArmKinematics.from_urdf()
     thought = _Thought(twin, spec, safety, int(rng.integers(2**32)), arm, nthread)
+    task = read_subtask(spec)
+    joint = twin.joint(str(task.subject)) if task.manipulation == "drive" else None
+    pushed = None if joint is None else blame(twin, joint, float(task.term.value or 0.0))
+    if joint is not None and pushed is not None and pushed.bodies:
+        return _joint_blocked(joint.name, pushed, failure)
     if failure is None:
         found = thought.plan(())
+        if isinstance(found, MotionPlan) and joint is not None:
+            return FailureCause(
+                "locked",
+                joint.name,
+                f"nothing that was seen holds '{joint.name}': in the twin it is free and a motion drives it; something "
+                "unseen locks it",
+                evidence=_push_evidence(pushed),
+            )
         if isinstance(found, MotionPlan):
             return FailureCause(
                 "not_achieved",
@@ -83,16 +99,30 @@ def diagnose(
     )
 
 
-def ghosted(twin: TwinModel, names: tuple[str, ...]) -> TwinModel:
-    """The twin in which some bodies neither touch anything nor fall, and are no obstacles."""
-    model = copy.copy(twin.model)
-    for name in names:
-        body = model.body(name).id
-        geoms = model.geom_bodyid == body
-        model.geom_contype[geoms] = 0
-        model.geom_conaffinity[geoms] = 0
-        model.body_gravcomp[body] = 1.0
-    return replace(twin, model=model, objects=tuple(o for o in twin.objects if o.name not in names))
+def _joint_blocked(joint: str, pushed: JointBlame, failure: FailureCause | None) -> FailureCause:
+    named = " and ".join(f"'{b}'" for b in pushed.bodies)
+    verb = "keeps" if len(pushed.bodies) == 1 else "keep"
+    said = {} if failure is None else {**failure.evidence, "search_said": failure.message}
+    return FailureCause(
+        "blocked_by",
+        joint,
+        f"{named} {verb} '{joint}' from moving: pushed, it gets {pushed.push.progress:.0%} of the way, and all of it "
+        f"with {named} gone",
+        bodies=pushed.bodies,
+        evidence={**said, **_push_evidence(pushed)},
+    )
+
+
+def _push_evidence(pushed: JointBlame | None) -> dict[str, object]:
+    """Shares of the way and forces behind a joint's blame."""
+    if pushed is None:
+        return {}
+    return {
+        "progress": pushed.push.progress,
+        "progress_without": pushed.without,
+        "resisted": pushed.push.resisted,
+        "pushed_aside": pushed.push.aside,
+    }
 
 
 @dataclass

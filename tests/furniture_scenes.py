@@ -45,3 +45,10 @@ def sliding(x: float = 0.62, y: float = 0.0, opened: float = 0.0, yaw: float = 0
 def lever(x: float = 0.50, y: float = 0.0, opened: float = 0.0, yaw: float = 0.0) -> TwinModel:
     """A lever on a post."""
     return furnished("lever", LEVER, x, y, yaw, {"lever_rod": opened})
+
+
+def barred(x: float = 0.62, y: float = 0.0, wrong: float = 0.0) -> TwinModel:
+    """A cabinet whose handles hold a bar, perceived `wrong` [m] off towards the robot; a cube stands aside."""
+    bar = estimate("bar", (x - 0.0395 - wrong, y, 0.296), (0.28, 0.018, 0.02), yaw=np.pi / 2)
+    cube = estimate("cube", (0.38, 0.0, 0.025), (0.05, 0.05, 0.05))
+    return furnished("cabinet", CABINET, x, y, 0.0, {}, bar, cube)

@@ -5,7 +5,8 @@ import numpy as np
 from control.failure import FailureCause
 from control.motion_search import plan_motion
 from control.safety import SafetyLimits
-from sim_check.diagnosis import diagnose, ghosted
+from sim_check.diagnosis import diagnose
+from sim_check.ghosts import ghosted
 from tests.motion_scenes import CRATE, CUBE, arm, blocked, cubes, only, red_on_crate, twin_of
 from tests.sim_scenes import estimate
 
