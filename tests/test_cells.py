@@ -195,3 +195,23 @@ def test_the_example_of_the_documentation_is_a_valid_cell(tmp_path):
     cell = load_cell(tmp_path / "my-bench.yaml")
     assert cell.safety_limits().hand_speed == 0.3
     assert build_world(cell, 0, meshes=False).object_names
+
+
+def test_the_furniture_of_the_documentation_is_valid_too(tmp_path):
+    text = (Path(__file__).resolve().parents[1] / "docs" / "cells.md").read_text()
+    blocks = [b.split("```")[0] for b in text.split("```yaml\n")[1:]]
+    smallest = SMALLEST.replace("[red_cube]", "[red_cube, red_bar]")
+    (tmp_path / "mine.yaml").write_text(smallest + blocks[1] + blocks[2])
+    world = build_world(load_cell(tmp_path / "mine.yaml"), 0, meshes=False)
+    assert world.furniture_names == ("wooden_cabinet", "microwave", "lever")
+    assert world.joint_fraction("microwave_door") == pytest.approx(0.4, abs=0.01)
+    assert world.object_names == ("red_cube", "red_bar")
+
+
+def test_every_built_in_scene_is_shown_in_the_documentation():
+    folder = Path(__file__).resolve().parents[1] / "docs"
+    text = (folder / "scenes.md").read_text()
+    for name in builtin_cells():
+        assert f"`{name}`" in text
+        assert f"(scenes/{name}.png)" in text
+        assert (folder / "scenes" / f"{name}.png").stat().st_size < 150_000
