@@ -5,6 +5,7 @@ both worlds. Each judgement has a residual r >= 0, the distance in [m] that is l
 r = 0. Tolerances are wide enough that a perception error of 5 mm does not turn a result that is well met.
 
     minimize_l2_distance(a, b)         a lies at the nearest supported place at b: on top of b, or in a container b
+                                       where b is furniture with an inside, in there: on its floor
     minimize_l2_distance(palm, a)      the tool centre point is within `NEAR_PALM` of the surface of a's box
     minimize_l2_distance(a, rest_position)   a's centre (or the palm) is within `NEAR_PALM` of the rest position
     maximize_l2_distance(a, b, d)      the horizontal distance of the centres is at least d and a lies on the support
@@ -38,6 +39,20 @@ SUPPORTED_KINDS = ("minimize_l2_distance", "maximize_l2_distance", "set_obj_z_po
 
 
 @dataclass(frozen=True)
+class Inside:
+    """The inside of furniture, in the furniture's frame.
+
+    Attributes:
+        low, high: Corners in [m], shape (3,): low's z is the shelf's surface.
+        outward: Unit vector along x or y from the inside through the opening, shape (3,).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    outward: np.ndarray
+
+
+@dataclass(frozen=True)
 class PosedObject:
     """An object at a place.
 
@@ -49,6 +64,7 @@ class PosedObject:
         container: Whether things are put into it instead of onto it.
         inner_floor: Height of a container's inner floor above its lowest point in [m].
         inner_radius: Radius of a container's opening in [m].
+        inside: Furniture's inside, or None.
     """
 
     name: str
@@ -58,6 +74,7 @@ class PosedObject:
     container: bool = False
     inner_floor: float = 0.0
     inner_radius: float = 0.0
+    inside: Inside | None = None
 
     @property
     def position(self) -> np.ndarray:
@@ -174,6 +191,8 @@ def judge_term(
 
 def judge_placed(a: PosedObject, b: PosedObject) -> TermJudgement:
     """Whether `a` rests on top of `b`, or in it when it is a container; r = sqrt(horizontal^2 + vertical^2) in [m]."""
+    if b.inside is not None:
+        return _judge_inside(a, b, b.inside)
     if b.container:
         horizontal = max(0.0, float(np.linalg.norm(a.position[:2] - b.position[:2])) - b.inner_radius)
         floor = b.bottom + b.inner_floor
@@ -197,6 +216,23 @@ def judge_placed(a: PosedObject, b: PosedObject) -> TermJudgement:
         residual,
         f"{a.name} is not on {b.name}: its centre is {horizontal * 1e3:.0f} mm beyond what can carry it, "
         f"its underside {gap * 1e3:+.0f} mm from the top",
+    )
+
+
+def _judge_inside(a: PosedObject, b: PosedObject, inside: Inside) -> TermJudgement:
+    """In upright furniture: the centre between the walls and behind the opening, the underside on the floor."""
+    local = b.pose[:3, :3].T @ (a.position - b.position)
+    beyond = np.maximum(inside.low - local, 0.0) + np.maximum(local - inside.high, 0.0)
+    horizontal = float(np.linalg.norm(beyond[:2]))
+    gap = a.bottom - (float(b.position[2]) + float(inside.low[2]))
+    residual = float(np.hypot(horizontal, max(0.0, abs(gap) - VERTICAL_TOLERANCE)))
+    if residual == 0.0:
+        return TermJudgement(True, 0.0, f"{a.name} is in {b.name}")
+    return TermJudgement(
+        False,
+        residual,
+        f"{a.name} is not in {b.name}: its centre is {horizontal * 1e3:.0f} mm outside, its underside "
+        f"{gap * 1e3:+.0f} mm from the floor",
     )
 
 

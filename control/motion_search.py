@@ -37,6 +37,7 @@ STRIDE = 3  # every third state of a rollout (12 ms) is looked at for contacts
 ROUNDS = 2  # of refinement, only where nothing was clean
 VARIED = 8  # variants per round
 ELITE = 4
+SHUT = 0.15  # fraction below which a door lets nothing through
 # Residuals that only a retimed motion can be held against.
 RETIMED_ONLY = ("tracked_hand_speed",)
 # A rollout rests only briefly at its end; the verdict waits out the whole settling time.
@@ -83,7 +84,7 @@ def plan_motion(
     """
     began = time.perf_counter()
     task = read_subtask(spec)
-    hindrance = _hindrance(twin, spec, task, safety)
+    hindrance = _hindrance(twin, spec, task, safety) or _closed(twin, task)
     if hindrance is not None:
         return hindrance
     limits = panda_limits()
@@ -216,6 +217,24 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
     return None
 
 
+def _closed(twin: TwinModel, task: Subtask) -> FailureCause | None:
+    """Whether what the subject should go into is shut."""
+    inside = next((c for c in twin.compartments if c.owner == task.target), None)
+    if task.manipulation != "place" or inside is None or not inside.joints:
+        return None
+    opened = twin.joint_fractions()
+    if max(opened.get(name, 1.0) for name in inside.joints) >= SHUT:
+        return None
+    named = " or ".join(f"'{name}'" for name in inside.joints)
+    return FailureCause(
+        "blocked_by",
+        str(task.subject),
+        f"'{task.target}' is closed: open {named} before '{task.subject}' can go in",
+        bodies=inside.joints,
+        evidence={"fractions": {name: opened[name] for name in inside.joints if name in opened}},
+    )
+
+
 def _already_done(bench: Workbench, task: Subtask, text: str, began: float) -> MotionPlan | FailureCause:
     """Nothing to do but to come to rest (or to stay, where the palm itself is the point)."""
     stays = task.manipulation in ("reach", "retreat")
@@ -275,7 +294,11 @@ def _failure(bench: Workbench, search: _Search, stats: MotionStats) -> FailureCa
 def _lost_at(bench: Workbench, subject: str) -> str:
     """One sentence about the stage at which no candidate was left."""
     counts, task = bench.counts, bench.subtask
-    blamed = [n for n, _ in bench.filter.rejected_by.most_common() if n in bench.objects and n != subject]
+    blamed = [
+        n
+        for n, _ in bench.filter.rejected_by.most_common()
+        if (n in bench.objects or bench.twin.joint(n)) and n != subject
+    ]
     near = ", ".join(f"'{n}'" for n in blamed[:2]) or "other things"
     target = f"'{task.target}'" if task.target else "its place"
     if task.manipulation in ("rest", "retreat") and not counts["ends"]:

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.goal_predicates import EDGE_MARGIN, PosedObject
+from control.goal_predicates import EDGE_MARGIN, Inside, PosedObject
 from control.safety import SafetyLimits
 
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
 TURNS = 12  # turns about the vertical that are offered
 DROPS = (0.0, 0.015, 0.03, 0.045)  # [m] above the lowest place in a container, for hands that cannot reach down into it
+DEPTHS = (0.12, 0.09, 0.15)  # [m] behind an opening that are offered, for the object's centre
+WALL_GAP = 0.03  # [m] between an object put into furniture and its walls, for the fingers
 BESIDE = 6  # places beside the centre that are offered
 
 
@@ -38,7 +40,9 @@ def turned(world_T_object: np.ndarray, angle: float, position: np.ndarray) -> np
 
 
 def on_or_in(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
-    """Poses of `a` on top of `b`, or in `b` when it is a container; the middle first."""
+    """Poses of `a` on top of `b`, or in `b` when it is a container or has an inside; the middle first."""
+    if b.inside is not None:
+        return _behind_opening(a, b, b.inside, rng)
     return _inside(a, b, rng) if b.container else _on_top(a, b, rng)
 
 
@@ -116,6 +120,31 @@ def _on_top(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Pl
             Placement(turned(a.pose, float(turn), position), aside, f"on {b.name}, {aside * 1e3:.0f} mm off its middle")
             for turn in _turns(a, position)
         ]
+    return out
+
+
+def _behind_opening(a: PosedObject, b: PosedObject, inside: Inside, rng: np.random.Generator) -> list[Placement]:
+    """On the floor of furniture, a hand's depth behind its opening, all along it; the middle first."""
+    along = int(np.argmax(np.abs(inside.outward)))
+    across = 1 - along
+    edge = inside.low[along] if inside.outward[along] < 0 else inside.high[along]
+    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    middle = (inside.low[across] + inside.high[across]) / 2
+    room = max(0.0, (inside.high[across] - inside.low[across]) / 2 - radius - WALL_GAP)
+    height = float(b.position[2]) + float(inside.low[2]) + a.half_height + RELEASE_GAP
+    deepest = max(0.0, inside.high[along] - inside.low[along] - radius - WALL_GAP)
+    out = []
+    for depth in DEPTHS:
+        if depth > deepest or depth < radius:
+            continue
+        for offset in (0.0, *rng.uniform(-room, room, BESIDE)):
+            local = np.zeros(3)
+            local[along] = edge - depth * inside.outward[along]
+            local[across] = middle + offset
+            position = np.array([*(b.position + b.pose[:3, :3] @ local)[:2], height])
+            aside = float(abs(offset)) / 3 + abs(depth - DEPTHS[0])
+            text = f"in {b.name}, {depth * 1e3:.0f} mm behind its opening"
+            out += [Placement(turned(a.pose, float(t), position), aside, text) for t in _turns(a, position)]
     return out
 
 

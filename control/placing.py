@@ -12,6 +12,8 @@ from control.placements import Placement, away_from, on_or_in
 from control.workbench import Workbench, straight_targets
 
 STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
+ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
+BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
 ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
 NARROW_OPENING = 0.010  # [m] beyond the object: the least release
 AT_ONCE = 60  # combinations that are checked together; more only where none of them is free
@@ -91,8 +93,8 @@ def _free_pairs(
 ) -> list[tuple[int, ReadyPlace]]:
     """Those of the chosen combinations that are free while lowering, opening and leaving."""
     owners, solutions = owners[chosen], solutions[chosen]
-    rises = [straight_targets(targets[k], np.array([0.0, 0.0, _rise(bench, places[index[k][1]])])) for k in owners]
-    leaves = [straight_targets(targets[k], -BACK_OFF * targets[k][:3, 2]) for k in owners]
+    rises = [_way_up(bench, places[index[k][1]], targets[k]) for k in owners]
+    leaves = [_way_back(bench, places[index[k][1]], targets[k]) for k in owners]
     up, ok_up = bench.follow(solutions, rises)
     back, ok_back = bench.follow(solutions, leaves)
     out = []
@@ -102,6 +104,34 @@ def _free_pairs(
         if place is not None:
             out.append((i, place))
     return out
+
+
+def _way_up(bench: Workbench, place: Placement, target: np.ndarray) -> np.ndarray:
+    """Poses of the tool from a place to where the object is brought to first, shape (n, 4, 4)."""
+    out = _way_out(bench, place)
+    if out is None:
+        return straight_targets(target, np.array([0.0, 0.0, _rise(bench, place)]))
+    up = straight_targets(target, np.array([0.0, 0.0, ABOVE_FLOOR]))
+    return np.vstack([up, straight_targets(up[-1], out)])
+
+
+def _way_back(bench: Workbench, place: Placement, target: np.ndarray) -> np.ndarray:
+    """Poses of the tool from a place backwards after the release, shape (n, 4, 4); out of furniture altogether."""
+    out = _way_out(bench, place)
+    back = straight_targets(target, -BACK_OFF * target[:3, 2])
+    return back if out is None else np.vstack([back, straight_targets(back[-1], out)])
+
+
+def _way_out(bench: Workbench, place: Placement) -> np.ndarray | None:
+    """From a place in furniture through its opening and a hand's depth further in [m], shape (3,); else None."""
+    task = bench.subtask
+    owner = bench.objects[str(task.target)] if task.manipulation == "place" else None
+    if owner is None or owner.inside is None:
+        return None
+    outward = owner.pose[:3, :3] @ owner.inside.outward
+    inside, local = owner.inside, owner.pose[:3, :3].T @ (place.world_T_object[:3, 3] - owner.position)
+    edge = np.where(inside.outward < 0, inside.low, inside.high)
+    return outward * (float((edge - local) @ inside.outward) + BEFORE_OPENING)
 
 
 def _rise(bench: Workbench, place: Placement) -> float:

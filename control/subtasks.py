@@ -11,7 +11,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from control.goal_predicates import PosedObject, check_supported
+from control.goal_predicates import Inside, PosedObject, check_supported
 from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
 
@@ -108,4 +108,5 @@ def posed(twin: TwinModel, name: str, world_T_object: np.ndarray) -> PosedObject
         thing.container,
         thing.inner_floor,
         thing.inner_radius,
+        next((Inside(c.low, c.high, c.outward) for c in twin.compartments if c.owner == name), None),
     )

@@ -52,3 +52,9 @@ def barred(x: float = 0.62, y: float = 0.0, wrong: float = 0.0) -> TwinModel:
     bar = estimate("bar", (x - 0.0395 - wrong, y, 0.296), (0.28, 0.018, 0.02), yaw=np.pi / 2)
     cube = estimate("cube", (0.38, 0.0, 0.025), (0.05, 0.05, 0.05))
     return furnished("cabinet", CABINET, x, y, 0.0, {}, bar, cube)
+
+
+def with_cube(left: float, right: float, x: float = 0.62, cube: tuple[float, float] = (0.38, 0.0)) -> TwinModel:
+    """A cabinet with its doors at these fractions, and a cube in front of it."""
+    thing = estimate("cube", (*cube, 0.025), (0.05, 0.05, 0.05), yaw=0.2)
+    return furnished("cabinet", CABINET, x, 0.0, 0.0, {"cabinet_left_door": left, "cabinet_right_door": right}, thing)
