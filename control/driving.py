@@ -29,6 +29,7 @@ DRIVE_STEP = 0.02  # [m] of the handle between waypoints
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
 HOOKED = 0.5  # least part of the handle's motion along the closing direction for a cage to pull
+ROLL_EFFORT = 1.0  # per [rad] that a handle turns between the pads: it rolls there, and the door lags behind
 CAGE_EFFORT = 0.5  # [rad] that a cage is worse than a grip
 MOST_READY = 12
 AT_ONCE = 8  # grasps that are taken along together
@@ -248,11 +249,12 @@ def _taken_along(
     out = []
     for n in np.flatnonzero(ok & ok_leave):
         i, opening, share = rows[n]
+        rolled = (1.0 - share) * abs(goal - motion.start) if motion.hinge else 0.0
         if not _free_along(bench, along[n], positions[1:], leaves[n], grasps[i].width, opening):
             continue
         bench.counts["drives_free"] += 1
         path = np.vstack([solutions[i][None], along[n]])
-        effort = float(np.abs(solutions[i] - near).max()) + path_length(path)
+        effort = float(np.abs(solutions[i] - near).max()) + path_length(path) + ROLL_EFFORT * rolled
         leave = np.vstack([path[-1:], leaves[n]])
         arrive = np.vstack([outwards[i][::-1], solutions[i][None]])
         sign = np.sign(goal - motion.start)
