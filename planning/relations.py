@@ -8,7 +8,6 @@ All are computed from estimated boxes, with tolerances for 5 mm of pose error.
     a next to b  neither of these, the gap between the footprints is at most NEAR_GAP and their heights overlap
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,11 +45,6 @@ def find_relations(scene: SceneEstimate) -> tuple[Relation, ...]:
             if pair is not None:
                 found.append(pair)
     return tuple(found)
-
-
-def carried_by(name: str, relations: Sequence[Relation]) -> tuple[str, ...]:
-    """Names of what lies on or in an object, directly."""
-    return tuple(r.a for r in relations if r.b == name and r.kind in ("on", "in"))
 
 
 def _stacked(a: ObjectEstimate, b: ObjectEstimate) -> Relation | None:

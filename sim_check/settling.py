@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 
 from control.errors import StackError
-from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY
 
 STILL = 2e-3  # speed in [m/s] and angular speed in [rad/s] / 10 below which a thing is at rest
 DEEPEST = 2.5e-3  # penetration in [m] that soft contacts of things at rest may have
@@ -62,11 +61,6 @@ def settle(model: mujoco.MjModel, data: mujoco.MjData, longest: float = 1.5, cal
             "their estimated poses or sizes are likely wrong: look again from another side"
         )
     return data.time - start
-
-
-def robot_bodies(model: mujoco.MjModel) -> frozenset[int]:
-    """Numbers of the bodies of arm, hand and fingers."""
-    return frozenset(model.body(name).id for name in (*ARM_BODIES, HAND_BODY, *FINGER_BODIES))
 
 
 def deepest_overlap(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, str, float] | None:

@@ -23,7 +23,7 @@ class Run:
     goal: tyro.conf.Positional[str]
     """What to reach, for instance "place the red cube on the crate"."""
     cell: str = "cubes"
-    """Built-in cell (cubes, cubes-blocked, fruit-bowl) or a cell file (YAML)."""
+    """Built-in cell (cubes, cubes-blocked, fruit-bowl, or one of docs/scenes.md) or a cell file (YAML)."""
     option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Switch of the cell to turn on, for instance lemon_in_bowl; may be repeated."""
     robot: str | None = None
