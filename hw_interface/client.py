@@ -278,7 +278,8 @@ class CellClient:
     def _wait_for_state(self, seen: int) -> tuple[RobotState, int]:
         """The next published state after number `seen`, and its number."""
         with self._news:
-            while self._alive and (self._count == seen or self._latest is None):
+            while self._count == seen or self._latest is None:
+                self._check_alive()
                 silent = time.monotonic() - self._latest_at
                 if silent > SILENCE:
                     raise RobotGoneError(
@@ -286,8 +287,7 @@ class CellClient:
                         "see to the arm, then restart it"
                     )
                 self._news.wait(0.1)
-            self._check_alive()
-            assert self._latest is not None
+            # A last state that came in before the process ended is still news: it says how the motion went.
             return self._same_epoch(self._latest), self._count
 
     def _await_rest(self) -> None:

@@ -250,6 +250,23 @@ def test_a_robot_that_is_told_to_end_in_a_motion_rests_first():
         assert until(lambda: not process.running)
 
 
+def test_a_client_that_was_busy_when_the_robot_ended_still_hears_how_the_motion_went():
+    with robot_process("perfect") as process, CellClient.connect(process.endpoint) as client:
+        motion = from_here(client, 3.0, 0.3)
+        modes: list[str] = []
+
+        def busy_until_it_is_gone(progress):
+            modes.append(progress.state.mode)
+            if len(modes) == 1:
+                os.kill(process.pid, signal.SIGTERM)
+                assert until(lambda: not process.running)
+                assert until(lambda: not client._alive)
+
+        with pytest.raises(RobotGoneError):
+            client.execute(motion, certificate(motion), busy_until_it_is_gone)
+        assert modes == ["moving", "stopped"]
+
+
 def test_a_robot_process_ends_with_its_parent():
     script = (
         "import os, sys; from hw_interface.process import start_sim_process; "
