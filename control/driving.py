@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from control.collision_filter import JointAt, Phase
-from control.grasps import MAX_OPENING, pose, tcp_frame
+from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
 from control.picking import BACK_OFF, MEDIUM, SLOW, SPARE_OPENING
 from control.rotations import rotation_exp
@@ -212,7 +212,7 @@ def handle_grasps(handle: Handle, world_T_body: np.ndarray) -> list[HandleGrasp]
 
 def _opening(bench: Workbench, grasp: HandleGrasp, q: np.ndarray, outwards: np.ndarray, at: JointAt) -> float | None:
     """The widest opening with which the hand can come to the handle, or None."""
-    for opening in (MAX_OPENING, grasp.width + SPARE_OPENING, grasp.width + NARROW_SPARE):
+    for opening in (bench.twin.gripper.opening, grasp.width + SPARE_OPENING, grasp.width + NARROW_SPARE):
         if (
             bench.filter.clear(q, Phase.GRASP, opening, at)
             and bench.filter.clear(outwards[-1], Phase.FREE, opening, at)

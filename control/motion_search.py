@@ -16,7 +16,7 @@ from control.candidates import Candidate, candidates
 from control.collision_filter import Phase
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
-from control.grasps import MAX_OPENING, graspable_width
+from control.grasps import graspable_width
 from control.kinematics import ArmKinematics
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan, MotionStats
@@ -205,7 +205,7 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
         if not thing.movable:
             return FailureCause("no_candidate", subject, f"'{subject}' is fixed and cannot be carried")
         width = graspable_width(posed_objects(twin, twin.start())[task.subject])
-        widest = MAX_OPENING - 2 * safety.finger_clearance
+        widest = twin.gripper.widest(safety.finger_clearance)
         if width > widest:
             return FailureCause(
                 "no_candidate",

@@ -11,7 +11,7 @@ import numpy as np
 
 from control.collision_filter import CollisionFilter, Held, Phase
 from control.goal_predicates import PosedObject
-from control.grasps import BETWEEN_WALLS, MAX_OPENING, USUAL, Grasp, Offer, grasps
+from control.grasps import BETWEEN_WALLS, USUAL, Grasp, Offer, grasps
 from control.limits import REST_Q
 from control.trajectory import GripperCommand, PathSegment
 from control.workbench import Workbench, straight_targets
@@ -90,11 +90,11 @@ class _Ways:
 
 def _usual(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
     """Least effort first, with fully open fingers wherever there is room."""
-    ways = _ways(bench, body, USUAL)
+    ways, widest = _ways(bench, body, USUAL), bench.twin.gripper.opening
     out: list[ReadyGrasp] = []
     for i in np.argsort(ways.efforts, kind="stable"):
-        width = ways.grasps[i].width
-        ready = _ready(bench, body, ways, int(i), (MAX_OPENING, min(MAX_OPENING, width + SPARE_OPENING)), bench.filter)
+        openings = (widest, min(widest, ways.grasps[i].width + SPARE_OPENING))
+        ready = _ready(bench, body, ways, int(i), openings, bench.filter)
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break
@@ -116,14 +116,15 @@ def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
 
 def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: CollisionFilter) -> list[ReadyGrasp]:
     """Least effort first, where fingers that open less count as effort: these may touch what is wider than it seems."""
+    widest = bench.twin.gripper.opening
     least = 2 * bench.safety.finger_clearance + LEAST_SPARE
     spares = [s for s in NARROWER_OPENINGS if s > least] + [least]
     rows: list[tuple[float, int, tuple[float, ...]]] = []
     for i, grasp in enumerate(ways.grasps):
-        openings = (MAX_OPENING, *(grasp.width + s for s in spares if grasp.width + s < MAX_OPENING))
+        openings = (widest, *(grasp.width + s for s in spares if grasp.width + s < widest))
         free = tuple(o for o in openings if check.clear(ways.q[i], Phase.GRASP, o))
         if free:
-            rows.append((ways.efforts[i] + NARROW_WEIGHT * (MAX_OPENING - free[0]), i, free))
+            rows.append((ways.efforts[i] + NARROW_WEIGHT * (widest - free[0]), i, free))
     out: list[ReadyGrasp] = []
     for _, i, openings in sorted(rows):
         ready = _ready(bench, body, ways, i, openings, check)
@@ -135,7 +136,7 @@ def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: Collision
 
 def _ways(bench: Workbench, body: PosedObject, offer: Offer) -> _Ways:
     """Grasps of an offer that the arm reaches, comes to and lifts from in straight lines."""
-    offered = grasps(body, bench.safety, bench.twin.support_height, offer)
+    offered = grasps(body, bench.safety, bench.twin.support_height, offer, bench.twin.gripper)
     bench.counts["grasps"] += len(offered)
     owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
     bench.counts["grasps_reachable"] += len(set(owners.tolist()))

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.collision_filter import Phase
-from control.grasps import MAX_OPENING
 from control.limits import REST_Q, RobotLimits
 from control.picking import BACK_OFF, LIFT, SPARE_OPENING, ReadyGrasp
 from control.placements import Placement, away_from, on_or_in
@@ -154,8 +153,8 @@ def _free_place(
         return None
     if not check.path_clear(up[:-1], Phase.CONTACT, grasp.width, grasp.held):
         return None
-    at = place.world_T_object
-    for opening in (MAX_OPENING, min(MAX_OPENING, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
+    at, widest = place.world_T_object, bench.twin.gripper.opening
+    for opening in (widest, min(widest, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
         if not check.clear(q, Phase.GRASP, opening, at):
             continue
         for leave in [back, up] if back is not None else [up]:

@@ -30,7 +30,6 @@ from control.twin_model import (
     TwinModel,
 )
 
-FINGER_SPEED = 0.05  # [m/s] of each finger; the Franka hand closes its 80 mm in about 0.8 s
 GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come to rest
 END_SETTLE = 0.2  # [s] at the end of a rollout
 SEARCH_SPEED = 0.6  # share of the joint speed limits in search; retiming is slower, so grasps that hold here hold there
@@ -122,7 +121,7 @@ def squeeze(twin: TwinModel, command: GripperCommand | None) -> float:
 def gripper_ramp(twin: TwinModel, at: float, command: GripperCommand, dt: float) -> np.ndarray:
     """Finger targets in [m] from where the fingers are to what a command asks for, at their speed, shape (n >= 1,)."""
     goal = squeeze(twin, command) if command.kind == "grasp" else command.width / 2
-    count = max(1, int(np.ceil(abs(goal - at) / FINGER_SPEED / dt)))
+    count = max(1, int(np.ceil(abs(goal - at) / twin.gripper.planned_speed / dt)))
     return at + (goal - at) * np.arange(1, count + 1) / count
 
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from control.errors import ConfigError
+from control.gripper import PANDA_HAND
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR
 from perception.frames import CameraIntrinsics
@@ -35,7 +36,6 @@ from sim_check.scene_mjcf import (
 from sim_check.settling import settle
 
 TRUTH_STEP = 0.001  # [s]
-OPEN_WIDTH = 0.08  # between the pads of an open hand in [m]
 
 
 @dataclass
@@ -199,8 +199,8 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
         data.joint(joint).qpos[:] = angle
         data.actuator(actuator).ctrl[:] = angle
     for joint in FINGER_JOINTS:
-        data.joint(joint).qpos[:] = OPEN_WIDTH / 2
-    data.actuator(GRIPPER_ACTUATOR).ctrl[:] = OPEN_WIDTH / 2
+        data.joint(joint).qpos[:] = PANDA_HAND.opening / 2
+    data.actuator(GRIPPER_ACTUATOR).ctrl[:] = PANDA_HAND.opening / 2
     for fixed in furniture.values():
         set_fractions(model, data.qpos, fixed, placed.fractions)
     mujoco.mj_forward(model, data)
