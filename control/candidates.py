@@ -223,10 +223,10 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
 def _placings(bench: Workbench) -> Iterator[Candidate]:
     """Pick the subject and put it down: free grasps x free places x free ways, cheapest pairs first."""
     ready = diverse(ready_grasps(bench), READY_GRASPS)
-    places = offered_places(bench)
-    bench.counts["places"] += len(places)
-    if not ready or not places:
+    if not ready:
         return
+    places = offered_places(bench, ready)
+    bench.counts["places"] += len(places)
     reaches: dict[int, np.ndarray | None] = {}
     pairs: list[tuple[int, ReadyPlace]] = []
     found = 0

@@ -40,6 +40,7 @@ class Phase(IntEnum):
     CARRY = 2  # the object moves with the hand, away from everything
     CONTACT = 3  # the object moves with the hand and may touch what carries it
     DRIVE = 4  # fingers at the handle of a joint, which moves with the hand
+    EXTRACT = 5  # the object moves with the hand, out of what is close to it where it stands
 
 
 class _Kind(IntEnum):
@@ -52,6 +53,7 @@ class _Kind(IntEnum):
     PANEL = 6  # what moves with a driven joint, its handle apart
 
 
+_OUTSIDE = (_Kind.WORLD, _Kind.SUPPORT)
 _LACKS = {"arm": _Kind.ARM, "finger": _Kind.FINGER, "held": _Kind.OBJECT}
 
 
@@ -109,7 +111,7 @@ class CollisionFilter:
     ) -> None:
         model = twin.model
         self.model, self._data = model, mujoco.MjData(model)
-        self._qpos0 = np.array(twin.qpos)
+        self._qpos0, self._start_q = np.array(twin.qpos), np.asarray(twin.q, float)
         self.subject = subject
         self.checks = 0
         self.rejected_by: Counter[str] = Counter()
@@ -127,6 +129,7 @@ class CollisionFilter:
         self._by_phase = [
             _PairSet.of(model, pairs, table[phase][kind[pairs[:, 0]], kind[pairs[:, 1]]]) for phase in Phase
         ]
+        self._object_alone = [pairs.of_kinds(kind, _Kind.OBJECT, _OUTSIDE) for pairs in self._by_phase]
         self._relax_start(twin)
 
     def tcp_pose(self, q: np.ndarray) -> np.ndarray:
@@ -153,6 +156,13 @@ class CollisionFilter:
                 self.rejected_by[self._outer_body(*pairs.geoms[i])] += 1
                 return False
         return True
+
+    def object_clear(self, world_T_object: np.ndarray, phase: Phase) -> bool:
+        """Whether the handled object alone keeps its distances from the world at a pose (4, 4), robot left out."""
+        self._place(self._start_q, 0.0, world_T_object)
+        self.checks += 1
+        pairs, own = self._by_phase[phase], self._object_alone[phase]
+        return all(self._distance(pairs, i) >= pairs.limit[i] for i in pairs.near(self._data) if own[i])
 
     def path_clear(self, path: np.ndarray, phase: Phase, width: float, object_at: ObjectAt = None) -> bool:
         """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection comes first."""
@@ -212,11 +222,16 @@ class CollisionFilter:
         return pose
 
     def _relax_start(self, twin: TwinModel) -> None:
-        """Pairs that start inside their clearance may stay as close as they are, so that the arm can leave."""
+        """Pairs that start inside their clearance may stay as close as they are, so that the arm can leave.
+
+        What the object stands in counts on its way out alone, unless the hand has it already.
+        """
         self._place(twin.q, twin.gripper_width, None)
-        for phase in (Phase.FREE, Phase.CARRY):
-            pairs = self._by_phase[phase]
+        for phase in (Phase.FREE, Phase.CARRY, Phase.EXTRACT):
+            pairs, own = self._by_phase[phase], self._object_alone[phase]
             for i in pairs.near(self._data):
+                if phase != Phase.EXTRACT and own[i] and twin.held is None:
+                    continue
                 pairs.limit[i] = min(pairs.limit[i], self._distance(pairs, i) - SELF_TOLERANCE)
 
     def _outer_body(self, a: int, b: int) -> str:
@@ -250,6 +265,11 @@ class _PairSet:
         plane = model.geom_type[geoms[:, 0]] == mujoco.mjtGeom.mjGEOM_PLANE
         radius = np.where(plane, 0.0, model.geom_rbound[geoms[:, 0]]) + model.geom_rbound[geoms[:, 1]]
         return cls(geoms, limit, radius, plane)
+
+    def of_kinds(self, kind: np.ndarray, one: int, others: tuple[int, ...]) -> np.ndarray:
+        """Whether one geom of a pair is of one kind and the other of some others, shape (n,)."""
+        a, b = kind[self.geoms[:, 0]], kind[self.geoms[:, 1]]
+        return ((a == one) & np.isin(b, others)) | ((b == one) & np.isin(a, others))
 
     def near(self, data: mujoco.MjData) -> np.ndarray:
         """Indices of pairs whose bounding spheres come within their limit, nearest first."""
@@ -371,9 +391,9 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
             t[_Kind.ARM, _Kind.OBJECT], t[_Kind.FINGER, _Kind.OBJECT] = arm, finger
         else:
             t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED if phase == Phase.GRASP else 0.0
-        if phase in (Phase.CARRY, Phase.CONTACT):
+        if phase in (Phase.CARRY, Phase.CONTACT, Phase.EXTRACT):
             t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
-            t[_Kind.OBJECT, _Kind.SUPPORT] = held if phase == Phase.CARRY else -PRESSED
+            t[_Kind.OBJECT, _Kind.SUPPORT] = -PRESSED if phase == Phase.CONTACT else held
         # A panel keeps off the hand in every phase; while it is driven, it and its handle keep off the world as well.
         t[_Kind.ARM, _Kind.PANEL], t[_Kind.FINGER, _Kind.PANEL] = arm, finger
         if phase == Phase.DRIVE:

@@ -11,19 +11,15 @@ import mujoco
 import numpy as np
 
 from control.collision_filter import JointAt, Phase
-from control.grasps import pose, tcp_frame
+from control.grasps import pose
+from control.handle_grasps import HandleGrasp, handle_grasps
 from control.limits import REST_Q
 from control.picking import BACK_OFF, MEDIUM, SLOW, SPARE_OPENING
 from control.rotations import rotation_exp
 from control.trajectory import GripperCommand, PathSegment
-from control.twin_model import Handle, TwinJoint, TwinModel
+from control.twin_model import TwinJoint, TwinModel
 from control.workbench import Workbench, path_length, straight_targets
 
-# Approaches about the bar, from its outward side.
-AROUND = np.radians([0.0, 20.0, -20.0, 35.0, -35.0, 55.0, -55.0, 75.0, -75.0])
-TILTS = np.radians([0.0, 25.0, -25.0, 45.0, -45.0, 65.0, -65.0])  # of the approach along the bar
-BESIDE_BOX = np.radians([0.0, 90.0, -90.0])  # the approaches about a bar with flat sides
-ALONG = (0.0, 0.5, -0.5)  # points on the bar, in half lengths
 SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
 DRIVE_STEP = 0.02  # [m] of the handle between waypoints
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
@@ -57,21 +53,6 @@ class ReadyDrive:
     opening: float
     width: float
     grip: bool
-    text: str
-
-
-@dataclass(frozen=True)
-class HandleGrasp:
-    """A pose of the tool at a handle.
-
-    Attributes:
-        world_T_tcp: Tool between the pads around the bar, shape (4, 4).
-        width: Distance between the pads around it in [m].
-        text: For people.
-    """
-
-    world_T_tcp: np.ndarray
-    width: float
     text: str
 
 
@@ -187,27 +168,6 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
         PathSegment("drive", drive.along, GripperCommand("move", drive.opening), None, touching, SLOW),
         PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),
     )
-
-
-def handle_grasps(handle: Handle, world_T_body: np.ndarray) -> list[HandleGrasp]:
-    """Poses of the tool with the bar between the pads: around it, tilted along it, at several points, either way up."""
-    rotation = world_T_body[:3, :3]
-    axis, outward = rotation @ handle.axis, rotation @ handle.outward
-    side = np.cross(axis, outward)
-    centre = rotation @ handle.centre + world_T_body[:3, 3]
-    out = []
-    for around in AROUND if handle.shape == "capsule" else BESIDE_BOX:
-        radial = -(np.cos(around) * outward + np.sin(around) * side)
-        width = 2 * (handle.half_width if abs(around) < np.pi / 4 or handle.shape == "capsule" else handle.half_depth)
-        for tilt in TILTS:
-            approach = np.cos(tilt) * radial - np.sin(tilt) * axis
-            for flip in (1.0, -1.0):
-                turn = tcp_frame(approach, flip * np.cross(axis, radial))
-                text = f"{np.degrees(around):.0f} deg about the bar, {np.degrees(tilt):.0f} deg along it"
-                out += [
-                    HandleGrasp(pose(turn, centre + share * handle.half_length * axis), width, text) for share in ALONG
-                ]
-    return out
 
 
 def _opening(bench: Workbench, grasp: HandleGrasp, q: np.ndarray, outwards: np.ndarray, at: JointAt) -> float | None:

@@ -205,6 +205,8 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
         if not thing.movable:
             return FailureCause("no_candidate", subject, f"'{subject}' is fixed and cannot be carried")
         width = graspable_width(posed_objects(twin, twin.start())[task.subject])
+        if thing.handle is not None:
+            width = min(width, 2 * thing.handle.half_width)
         widest = twin.gripper.widest(safety.finger_clearance)
         if width > widest:
             return FailureCause(

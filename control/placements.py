@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.goal_predicates import EDGE_MARGIN, Inside, PosedObject
+from control.rotations import rotation_exp
 from control.safety import SafetyLimits
 
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
@@ -39,6 +40,15 @@ def turned(world_T_object: np.ndarray, angle: float, position: np.ndarray) -> np
     return out
 
 
+def rolled(world_T_object: np.ndarray, axis: int, angle: float) -> np.ndarray:
+    """The pose (4, 4) turned in place by `angle` [rad] about one of the object's own axes, 0 to 2 for x to z."""
+    direction = np.zeros(3)
+    direction[axis] = angle
+    out = world_T_object.copy()
+    out[:3, :3] = world_T_object[:3, :3] @ rotation_exp(direction)
+    return out
+
+
 def on_or_in(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """Poses of `a` on top of `b`, or in `b` when it is a container or has an inside; the middle first."""
     if b.inside is not None:
@@ -68,7 +78,7 @@ def away_from(
         rng: Source of randomness.
         count: Most places to return.
     """
-    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    radius = float(np.hypot(*_level_sizes(a))) / 2
     low = np.asarray(safety.workspace_low)[:2] + radius
     high = np.asarray(safety.workspace_high)[:2] - radius
     spots = rng.uniform(low, high, (400, 2))
@@ -92,6 +102,12 @@ def away_from(
     return out
 
 
+def _level_sizes(a: PosedObject) -> np.ndarray:
+    """Full sizes along the object's two most level axes in [m], shape (2,)."""
+    upright = int(np.argmax(np.abs(a.pose[2, :3])))
+    return np.delete(np.asarray(a.extents, float), upright)
+
+
 def _turns(a: PosedObject, position: np.ndarray) -> np.ndarray:
     """Turns about the vertical, the one that the arm would bring along first."""
     swing = np.arctan2(position[1], position[0]) - np.arctan2(a.position[1], a.position[0])
@@ -101,7 +117,7 @@ def _turns(a: PosedObject, position: np.ndarray) -> np.ndarray:
 
 def _on_top(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """On a flat top: with its whole base carried where b is larger, over b's middle where it is smaller."""
-    base = float(np.min(np.asarray(a.extents)[:2])) / 2
+    base = float(np.min(_level_sizes(a))) / 2
     room = np.maximum(np.asarray(b.extents)[:2] / 2 - max(base, EDGE_MARGIN), 0.0)
     height = b.top + a.half_height + RELEASE_GAP
     axes = b.pose[:2, :2]
@@ -128,7 +144,7 @@ def _behind_opening(a: PosedObject, b: PosedObject, inside: Inside, rng: np.rand
     along = int(np.argmax(np.abs(inside.outward)))
     across = 1 - along
     edge = inside.low[along] if inside.outward[along] < 0 else inside.high[along]
-    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    radius = float(np.hypot(*_level_sizes(a))) / 2
     middle = (inside.low[across] + inside.high[across]) / 2
     room = max(0.0, (inside.high[across] - inside.low[across]) / 2 - radius - WALL_GAP)
     height = float(b.position[2]) + float(inside.low[2]) + a.half_height + RELEASE_GAP
@@ -150,7 +166,7 @@ def _behind_opening(a: PosedObject, b: PosedObject, inside: Inside, rng: np.rand
 
 def _inside(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """In a container: as low as its floor, or let go higher up where hand and rim would meet."""
-    radius = float(np.min(np.asarray(a.extents)[:2])) / 2
+    radius = float(np.min(_level_sizes(a))) / 2
     room = max(0.0, b.inner_radius - radius - 0.005)
     offsets = [np.zeros(2)]
     for _ in range(BESIDE):

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.collision_filter import Phase
+from control.extraction import LIFT
+from control.goal_predicates import PosedObject
 from control.limits import REST_Q, RobotLimits
-from control.picking import BACK_OFF, LIFT, SPARE_OPENING, ReadyGrasp
-from control.placements import Placement, away_from, on_or_in
+from control.picking import BACK_OFF, SPARE_OPENING, ReadyGrasp
+from control.placements import Placement, away_from, on_or_in, rolled
 from control.workbench import Workbench, straight_targets
 
 STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
@@ -15,6 +17,8 @@ ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over
 BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
 ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
 NARROW_OPENING = 0.010  # [m] beyond the object: the least release
+LEVEL_HAND = 0.35  # downward part of the approach direction of a hand that cannot put things on a table
+AT_ONE_SPOT = 12  # places that are offered together
 AT_ONCE = 60  # combinations that are checked together; more only where none of them is free
 
 
@@ -35,17 +39,51 @@ class ReadyPlace:
     opening: float
 
 
-def offered_places(bench: Workbench) -> list[Placement]:
-    """Poses in which the subject would meet the primary term, best first."""
+def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]:
+    """Poses in which the subject would meet the primary term, best first.
+
+    Args:
+        bench: Surroundings of the search.
+        ready: How it can be taken: what only a level hand takes has to be rolled until the hand points down.
+    """
+    body = bench.objects[str(bench.subtask.subject)]
+    attitudes = [replace(body, pose=pose) for pose in _attitudes(bench, body, ready)]
+    offered = [_places_of(bench, a) for a in attitudes]
+    # All attitudes at one spot before the next spot.
+    longest = max(map(len, offered))
+    turns = max(1, AT_ONE_SPOT // len(offered))
+    mixed = [p for first in range(0, longest, turns) for places in offered for p in places[first : first + turns]]
+    return mixed if len(offered) > 1 else offered[0]
+
+
+def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
+    """The same for one attitude of the subject."""
     task = bench.subtask
-    body = bench.objects[str(task.subject)]
     if task.manipulation == "place":
         places = on_or_in(body, bench.objects[str(task.target)], bench.rng)
         return sorted(places, key=lambda p: p.preference)
     others = [o for name, o in bench.objects.items() if name != task.subject]
-    at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
-    distance = float(task.term.value or 0.0)
+    if task.manipulation == "turn":  # near where it stands, on the table
+        at, distance = body.position, -np.inf
+    else:
+        at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
+        distance = float(task.term.value or 0.0)
     return away_from(body, at, distance, others, bench.safety, bench.twin.support_height, bench.rng)
+
+
+def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
+    """Poses of the subject where it is, in the attitudes in which it may be put down."""
+    task = bench.subtask
+    if task.manipulation == "turn":
+        return [rolled(body.pose, 0, float(task.term.value or 0.0))]
+    thing = bench.twin.get(body.name)
+    has_handle = thing is not None and thing.handle is not None
+    down = [-(body.pose @ np.linalg.inv(g.held.tcp_T_object))[2, 2] for g in ready]
+    if body.shape != "box" or body.container or has_handle or max(down, default=1.0) > LEVEL_HAND:
+        return [body.pose]
+    upright = int(np.argmax(np.abs(body.pose[2, :3])))
+    longest = max((i for i in range(3) if i != upright), key=lambda i: body.extents[i])
+    return [rolled(body.pose, longest, angle) for angle in (np.pi / 2, -np.pi / 2)] + [body.pose]
 
 
 def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placement]) -> list[tuple[int, ReadyPlace]]:

@@ -72,6 +72,11 @@ class Workbench:
         """What the handled object may touch."""
         return {*self.supports, TABLE_BODY, *([self.subtask.target] if self.subtask.target else [])}
 
+    @property
+    def base_position(self) -> np.ndarray:
+        """Where the robot stands, in the world in [m], shape (3,)."""
+        return -self._base_T_world[:3, :3].T @ self._base_T_world[:3, 3]
+
     def near_filter(self) -> CollisionFilter:
         """A filter for the last stretch to a grasp, with `NEAR_MARGIN`; who is too close is counted with `filter`."""
         out = CollisionFilter(self.twin, self.safety, self._handled, self._allowed, margin=NEAR_MARGIN)
