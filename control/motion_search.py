@@ -311,15 +311,16 @@ def _lost_at(bench: Workbench, subject: str) -> str:
             f"'{subject}' is out of reach: it is {distance:.2f} m away from the base, and the arm reaches none of "
             f"{counts['grasps']} ways to take it"
         )
-    if counts["grasps_reachable"] and not counts["grasps_free"]:
+    out_of_way = task.manipulation == "drive" and not counts["drives_rough"]
+    if counts["grasps_reachable"] and not counts["grasps_free"] and not out_of_way:
         return (
             f"'{subject}' cannot be taken: all {counts['grasps_reachable']} reachable grasps come too close to {near}"
         )
     if task.manipulation == "drive":
         if not counts["drives_free"]:
             return (
-                f"'{subject}' cannot be driven as far as asked: none of {counts['grasps_free']} free holds of its "
-                f"handle can be taken along, near {near}"
+                f"'{subject}' cannot be driven as far as asked: none of {counts['drives_tried']} ways to take its "
+                f"handle along is free, near {near}"
             )
         return f"no free way to or from the handle of '{subject}', near {near}"
     if task.releases and not counts["places"]:

@@ -120,12 +120,15 @@ class Workbench:
         rows = np.flatnonzero((off <= IK_POSITION) & (turned <= IK_ROTATION))
         return rows, q[rows]
 
-    def follow(self, q: np.ndarray, targets: Sequence[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def follow(
+        self, q: np.ndarray, targets: Sequence[np.ndarray], rough: bool = False
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Continue from configurations along Cartesian paths of different lengths.
 
         Args:
             q: Configurations before the first waypoint in [rad], shape (n, 7).
             targets: Poses in the world, n arrays of shape (k_i, 4, 4).
+            rough: Whether waypoints are far apart: more iterations, and joints may go further between them.
 
         Returns:
             Joint paths, n arrays of shape (k_i, 7), and whether each was met without a jump, shape (n,).
@@ -134,7 +137,9 @@ class Workbench:
             return [], np.zeros(0, bool)
         longest = max(len(t) for t in targets)
         padded = np.stack([np.concatenate([t, np.repeat(t[-1:], longest - len(t), axis=0)]) for t in targets])
-        paths, ok = self.arm.follow(q, self._base_T_world @ padded, iterations=5, min_margin=LIMIT_MARGIN)
+        iterations, step = (15, 1.2) if rough else (5, 0.5)
+        goals = self._base_T_world @ padded
+        paths, ok = self.arm.follow(q, goals, iterations=iterations, max_step=step, min_margin=LIMIT_MARGIN)
         return [path[: len(t)] for path, t in zip(paths, targets, strict=True)], ok
 
     def way(
