@@ -22,6 +22,7 @@ from control.workbench import Workbench, path_length, straight_targets
 SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
 DRIVE_STEP = 0.02  # [m] of the handle between waypoints
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
+LEAVE = (BACK_OFF, 0.06, 0.04)  # [m] back from a handle that was let go; the least clears the bar with the fingertips
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
 HOOKED = 0.5  # least part of the handle's motion along the closing direction for a cage to pull
 ROLL_EFFORT = 1.0  # per [rad] that a handle turns between the pads: it rolls there, and the door lags behind
@@ -175,8 +176,7 @@ class Holds:
         positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
         targets = self._targets([(i, share) for i, share, _ in rows], positions[1:])
         along, ok = bench.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
-        leaving = [straight_targets(t[-1], -BACK_OFF * t[-1][:3, 2]) for t in targets]
-        leaves, ok_leave = bench.follow(np.array([path[-1] for path in along]), leaving)
+        leaves, ok_leave = self._ways_off(along, [t[-1] for t in targets])
         bench.counts["drives_followed"] += int(np.sum(ok & ok_leave))
         out = []
         for n in np.flatnonzero(ok & ok_leave):
@@ -197,6 +197,19 @@ class Holds:
                 drive = ReadyDrive(arrive, path, positions, leave, opening, grasp.width, grip, text)
                 out.append((effort + (0.0 if grip else CAGE_EFFORT), drive))
         return out
+
+    def _ways_off(self, along: list[np.ndarray], tools: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+        """Back from the handle where the way along it ends, as far as the arm comes; whether it comes far enough."""
+        leaves: list[np.ndarray] = [path[-1:] for path in along]
+        ok = np.zeros(len(along), bool)
+        for distance in LEAVE:
+            rest = np.flatnonzero(~ok)
+            ends = np.array([along[n][-1] for n in rest]).reshape(-1, 7)
+            ways = [straight_targets(tools[n], -distance * tools[n][:3, 2]) for n in rest]
+            found, reached = self._bench.follow(ends, ways)
+            for n, leave in zip(rest[reached], (found[k] for k in np.flatnonzero(reached)), strict=True):
+                leaves[n], ok[n] = leave, True
+        return leaves, ok
 
     def _targets(self, rows: list[_Row], positions: np.ndarray) -> np.ndarray:
         tools = np.array([self._grasps[i].world_T_tcp for i, _ in rows])
