@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from mujoco import batch as mjbatch
 
+from control.batches import Observer, SimulatedBatch, simulate
 from control.collision_filter import body_name, subtree_root
 from control.limits import RobotLimits
 from control.residuals import Contacts, HeldSpan, TwinMotion
@@ -175,7 +175,11 @@ class Rollout:
 
 
 def roll_out(
-    twins: Sequence[TwinModel], motions: Sequence[Commands], nthread: int, step: float | None = None
+    twins: Sequence[TwinModel],
+    motions: Sequence[Commands],
+    nthread: int,
+    step: float | None = None,
+    observe: Observer | None = None,
 ) -> tuple[list[Rollout], int]:
     """Simulate motion i in twin i, all of them to their end.
 
@@ -184,6 +188,7 @@ def roll_out(
         motions: What to play, with rows at the step that is simulated.
         nthread: Threads; the result does not depend on it.
         step: Time step in [s]; the models' own by default.
+        observe: Told of each batch that is simulated.
 
     Returns:
         Rollouts in the same order, and the number of simulated steps.
@@ -201,19 +206,16 @@ def roll_out(
     order = sorted(range(len(twins)), key=lambda i: len(motions[i].arm))
     for chunk in _chunks(order, CHUNK):
         longest = max(len(motions[i].arm) for i in chunk)
-        batch = mjbatch.Batch(own[chunk[0]], len(chunk), nthread)
-        if any(own[i] is not own[chunk[0]] for i in chunk):
-            batch.set_models([own[i] for i in chunk])
-        qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
         inputs = np.zeros((len(chunk), longest, first.nu))
+        starts = np.empty((len(chunk), first.nq))
         for row, i in enumerate(chunk):
-            start = twins[i].start()
-            qpos[row], qvel[row], ctrl[row] = start.qpos, 0.0, start.ctrl
+            starts[row] = twins[i].start().qpos
             target = controls_for(own[i], motions[i])
             inputs[row, : len(target)] = target
             inputs[row, len(target) :] = target[-1]
-        starts = qpos.copy()
-        record = batch.rollout(longest, inputs, record=("qpos", "qvel"))
+        still = np.zeros((len(chunk), first.nv))
+        batch = SimulatedBatch(tuple(own[i] for i in chunk), starts, still, still, inputs, nthread)
+        record = simulate(batch, ("qpos", "qvel"), observe)
         steps += len(chunk) * longest
         for row, i in enumerate(chunk):
             n = len(motions[i].arm)
