@@ -61,4 +61,5 @@ def simulate(batch: SimulatedBatch, record: Sequence[str], observe: Observer | N
     sims.bind("qpos")[:] = batch.qpos
     sims.bind("qvel")[:] = batch.qvel
     sims.bind("qacc_warmstart")[:] = batch.warmstart
-    return sims.rollout(batch.controls.shape[1], batch.controls, record=tuple(record))
+    recorded = sims.rollout(batch.controls.shape[1], batch.controls, record=tuple(record))
+    return {name: recorded[name] for name in record}
