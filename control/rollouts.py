@@ -6,6 +6,7 @@ are recomputed from recorded states (`mj_forward`), only for motions that are wo
 """
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -247,9 +248,10 @@ def record_motion(
     rows = np.unique(np.append(np.arange(0, len(rollout.time), stride), len(rollout.time) - 1))
     site = model.site(TCP_SITE).id
     bodies = {o.name: model.body(o.name).id for o in twin.objects}
+    moving = [model.body(j.body).id for j in twin.joints]
+    followed = np.array([*bodies.values(), *moving], int)
     tcp = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses = {name: np.tile(np.eye(4), (len(rows), 1, 1)) for name in bodies}
-    handles = {j.name: np.zeros((len(rows), 3)) for j in twin.joints}
+    places = np.tile(np.eye(4), (len(followed), len(rows), 1, 1))
     steps, pairs, forces = [], [], []
     names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
     # Contacts between things at rest on each other are nobody's business and most of the work.
@@ -260,22 +262,24 @@ def record_motion(
         data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
         mujoco.mj_forward(model, data)
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
-        for name, body in bodies.items():
-            poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-        for joint in twin.joints:
-            body = data.body(joint.body)
-            handles[joint.name][k] = body.xpos + body.xmat.reshape(3, 3) @ joint.handle.centre
+        places[:, k, :3, :3] = data.xmat[followed].reshape(-1, 3, 3)
+        places[:, k, :3, 3] = data.xpos[followed]
         geoms = data.contact.geom[: data.ncon]
         for i in np.flatnonzero(acts[geoms].any(axis=1)):
             a, b = names[geoms[i, 0]], names[geoms[i, 1]]
             if a == b:
                 continue
             mujoco.mj_contactForce(model, data, int(i), force)
-            size = float(np.linalg.norm(force[:3]))
+            size = math.sqrt(force[:3].dot(force[:3]))
             if size > FORCE_FLOOR:
                 steps.append(k)
                 pairs.append((a, b))
                 forces.append(size)
+    poses = dict(zip(bodies, places, strict=False))
+    handles = {
+        j.name: place[:, :3, 3] + place[:, :3, :3] @ j.handle.centre
+        for j, place in zip(twin.joints, places[len(bodies) :], strict=True)
+    }
     # What is in the hand moves with it by right.
     named = spec.names | ({task.subject} if task.subject else set()) | {s.name for s in rollout.commands.held}
     return TwinMotion(
