@@ -23,6 +23,7 @@ import numpy as np
 from mujoco import batch as mjbatch
 
 from control.batches import SimulatedBatch
+from control.errors import ConfigError
 from control.kinematics import ArmKinematics
 from control.motion_result import MotionPlan
 from control.planner import PLANNERS, Planner, planner_named
@@ -145,7 +146,10 @@ def simulate_bare(batch: SimulatedBatch) -> np.ndarray:
 
 
 def summary(rows: Sequence[Row]) -> dict[str, dict]:
-    """By planner: figures of each task (means over seeds, ratio of their sums) and the median ratio of all runs."""
+    """By planner: figures of each task (means over seeds, ratio of their sums) and the median ratio of all runs.
+
+    A ratio is None where nothing was simulated.
+    """
     out: dict[str, dict] = {}
     for name in dict.fromkeys(row.planner for row in rows):
         own = [row for row in rows if row.planner == name]
@@ -162,7 +166,8 @@ def summary(rows: Sequence[Row]) -> dict[str, dict]:
                 "runs": len(runs),
                 "parts_cpu_s": {part: float(np.mean([r.parts[part] for r in runs])) for part in PARTS},
             }
-        out[name] = {"tasks": tasks, "ratio_median": float(np.median([r.ratio for r in own]))}
+        median = float(np.median([r.ratio for r in own]))
+        out[name] = {"tasks": tasks, "ratio_median": median if np.isfinite(median) else None}
     return out
 
 
@@ -177,7 +182,8 @@ def print_table(planners: dict[str, dict]) -> None:
             print(f"  {task:23}{f['found']:4d}/{f['runs']}{f['steps']:10.0f}", end="")
             print(f"{f['cpu_s']:7.2f} s{f['bare_cpu_s']:7.2f} s{ratio}", end="")
             print("".join(f"{seconds:10.2f} s" for seconds in (*f["parts_cpu_s"].values(), rest)))
-        print(f"  median ratio of all runs: {figures['ratio_median']:.2f}\n")
+        median = figures["ratio_median"]
+        print(f"  median ratio of all runs: {'-' if median is None else f'{median:.2f}'}\n")
 
 
 def main() -> int:
@@ -189,7 +195,10 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=1, help="threads for simulation")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     options = parser.parse_args()
-    planners = {name: planner_named(name) for name in options.planners}
+    try:
+        planners = {name: planner_named(name) for name in options.planners}
+    except ConfigError as error:
+        parser.error(str(error))
     arm = ArmKinematics.from_urdf()
     rows = []
     for name, planner in planners.items():

@@ -19,6 +19,7 @@ from control.twin_model import FINGER_BODIES, TwinModel
 WAYPOINT_TIME = 0.02  # [s] between waypoints of the path
 STOPPED = 0.01  # [m/s] of the width between the pads: fingers close at ten times this speed
 BEGUN = 0.06  # [s] after which closing fingers have surely set out
+LOOKS = 3  # after a grasp, within which both fingers must be seen to touch what they hold
 HELD_WIDTH = 0.004  # [m]: narrower, the fingers hold nothing
 
 
@@ -86,22 +87,24 @@ def joint_path(twin: TwinModel, pieces: Sequence[Piece], opening: float) -> Join
     arm = np.vstack([twin.q, *[p.arm for p in pieces]])
     closed = np.concatenate([[_shut(twin)], *[p.closed for p in pieces]])
     width = np.concatenate([[twin.gripper_width], *[p.width for p in pieces]])
-    owner = np.concatenate([[0], *[np.full(len(p.arm), i) for i, p in enumerate(pieces)]])
+    ends = np.cumsum([len(p.arm) for p in pieces])  # rows at which the contacts are known
     events = _gripper_events(closed, width, opening, dt)
     stride = max(1, round(WAYPOINT_TIME / dt))
     segments: list[PathSegment] = []
     first, held = 0, twin.held
-    cuts = sorted({*events, *_contact_changes(pieces), len(arm) - 1} - {0})
-    for cut in cuts or [len(arm) - 1]:
+    cuts = {*events, *_contact_changes(pieces), len(arm) - 1}
+    for cut in sorted(cuts):
         rows = np.unique([*range(first, cut, stride), cut])
-        contact = pieces[owner[cut]].contact
-        carries = held if held is not None and contact.held == held else None
-        touching = tuple((carries, name) for name in contact.by_held) if carries is not None else ()
+        known = int(np.searchsorted(ends, cut, "right")) - 1  # the last look before or at the cut
+        contact = pieces[known].contact if known >= 0 else Contact(None, ())
+        touching = tuple((held, name) for name in contact.by_held) if held is not None else ()
         command = events.get(cut)
-        segments.append(PathSegment("carry" if carries else "move", arm[rows], command, carries, touching))
+        segments.append(PathSegment("carry" if held else "move", arm[rows], command, held, touching))
         if command is not None:
-            after = pieces[min(owner[cut] + 1, len(pieces) - 1)].contact.held
-            held = after if command.kind == "grasp" else None
+            held = None
+            if command.kind == "grasp":
+                soon = [p.contact.held for p in pieces[known + 1 : known + 1 + LOOKS]]
+                held = next((name for name in soon if name is not None), None)
         first = cut
     return JointPath(tuple(_joined(segments)))
 
@@ -111,13 +114,13 @@ def _shut(twin: TwinModel) -> bool:
 
 
 def _gripper_events(closed: np.ndarray, width: np.ndarray, opening: float, dt: float) -> dict[int, GripperCommand]:
-    """Commands by row: a grasp where closing fingers stopped, an opening where it was told."""
+    """Commands by the row after which they are given: a grasp where closing fingers stopped, an opening when told."""
     out: dict[int, GripperCommand] = {}
     changes = np.flatnonzero(np.diff(closed.astype(int))) + 1
     look = max(1, round(WAYPOINT_TIME / dt))
     for change, until in pairwise([*changes, len(closed)]):
         if not closed[change]:
-            out[int(change)] = GripperCommand("move", opening)
+            out[int(change) - 1] = GripperCommand("move", opening)
             continue
         row = min(change + round(BEGUN / dt), until - 1)
         while row + look < until and width[row] - width[row + look] > STOPPED * look * dt:

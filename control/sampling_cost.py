@@ -9,8 +9,8 @@ the goal's predicate is:
                              joint: way that the handle has still to go; height, distance to keep: what is missing
                              palm and object: the palm from the surface of the object's box
     other terms, w 0.1       likewise
-    hold, w 0.5              the palm from the middle of what is handled, or of its handle
-    fingers, w 0.05          1 where fingers are not closed although the palm is there, or closed although it is not
+    hold, w 1                the palm from the middle of what is handled, or of its handle
+    fingers, w 0.1           1 where fingers are not closed although the palm is there, or closed although it is not
     joint speed, w 0.005     the commanded speed in [rad/s]: MuJoCo MPC's control cost
     workspace, w 5           the palm outside the safety table's workspace
     side effects, w 1        displacement of objects and handles that the spec does not name
@@ -50,8 +50,8 @@ class CostWeights:
 
     primary: float = 1.0
     secondary: float = 0.1
-    hold: float = 0.5
-    fingers: float = 0.05
+    hold: float = 1.0
+    fingers: float = 0.1
     speed: float = 0.005
     workspace: float = 5.0
     side_effects: float = 1.0

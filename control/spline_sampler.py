@@ -46,9 +46,9 @@ class SamplingSettings:
     horizon: float = 0.6
     points: int = 6
     order: SplineOrder = "cubic"
-    noise: float = 0.1
+    noise: float = 0.2
     fine_share: float = 0.5
-    fine_noise: float = 0.3
+    fine_noise: float = 0.2
     switch_share: float = 0.2
     period: float = 0.1
     speed_share: float = 0.6
