@@ -115,6 +115,13 @@ def test_planners_have_names_and_an_unknown_one_is_answered_with_them():
         planner_named("rrt")
 
 
+def test_settings_that_cannot_work_say_what_would():
+    with pytest.raises(ConfigError, match=r"re-plans every 0.7 s; the period must be above 0 and at most the horizon"):
+        SamplingSettings(period=0.7)
+    with pytest.raises(ConfigError, match="it needs at least one trajectory and two points"):
+        SamplingSettings(points=1)
+
+
 @pytest.mark.parametrize("order", ["linear", "cubic"])
 def test_splines_go_through_their_points_and_their_slopes_are_their_derivatives(order):
     points, speed = np.array([[0.0, 1.0], [0.5, 0.2], [0.1, 0.3], [0.4, 0.4]]), np.array([0.7, -0.3])
