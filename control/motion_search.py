@@ -12,6 +12,7 @@ from itertools import islice
 
 import numpy as np
 
+from control.batches import Observer
 from control.candidates import Candidate, candidates
 from control.collision_filter import Phase
 from control.failure import FailureCause
@@ -26,7 +27,7 @@ from control.rewards import PALM, RewardSpec
 from control.rewards_cost import Score, score_motion
 from control.rollouts import Rollout, commands_for, record_motion, roll_out
 from control.safety import SafetyLimits
-from control.subtasks import Subtask, posed_objects, read_subtask
+from control.subtasks import Subtask, posed_objects, read_subtask, unseen
 from control.trajectory import JointPath, PathSegment
 from control.twin_model import TwinModel
 from control.workbench import Workbench, path_length
@@ -61,6 +62,7 @@ def plan_motion(
     max_rollouts: int = 24,
     nthread: int = 2,
     variants: Sequence[TwinModel] = (),
+    observe: Observer | None = None,
 ) -> MotionPlan | FailureCause:
     """Find a motion that meets a spec's primary term in the twin and keeps every safety residual.
 
@@ -74,6 +76,7 @@ def plan_motion(
         nthread: Threads for simulation.
         variants: Perturbed twins of the same layout. Where given, the best few plans are tried in them as well and the
             one that succeeds most often is chosen.
+        observe: Told of each batch of motions that is simulated.
 
     Returns:
         The plan; or why there is none: `not_seen`, `no_candidate` (with counts of where candidates were lost) or
@@ -90,7 +93,7 @@ def plan_motion(
     limits = panda_limits()
     arm = kinematics or ArmKinematics.from_urdf()
     bench = Workbench(twin, task, safety, limits, arm, rng)
-    search = _Search(bench, spec, nthread)
+    search = _Search(bench, spec, nthread, observe)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
     judged = judge_term(
         spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height, twin.joint_fractions()
@@ -119,8 +122,8 @@ def plan_motion(
 class _Search:
     """The simulated candidates of one search."""
 
-    def __init__(self, bench: Workbench, spec: RewardSpec, nthread: int) -> None:
-        self.bench, self.spec, self.nthread = bench, spec, nthread
+    def __init__(self, bench: Workbench, spec: RewardSpec, nthread: int, observe: Observer | None) -> None:
+        self.bench, self.spec, self.nthread, self.observe = bench, spec, nthread, observe
         self.tried: list[Tried] = []
         self.steps = 0
         table = safety_residuals(replace(bench.safety, settle_time=SETTLE_IN_SEARCH))
@@ -156,7 +159,7 @@ class _Search:
         wins = []
         for tried in few:
             commands = [commands_for(tried.candidate.segments, v, self.bench.limits) for v in variants]
-            rollouts, steps = roll_out(variants, commands, self.nthread)
+            rollouts, steps = roll_out(variants, commands, self.nthread, observe=self.observe)
             self.steps += steps
             scores = [self._score(r, v, tried.candidate) for r, v in zip(rollouts, variants, strict=True)]
             wins.append(sum(s.success + s.clean for s in scores))
@@ -166,7 +169,7 @@ class _Search:
     def _simulate(self, group: list[Candidate]) -> list[Tried]:
         bench = self.bench
         commands = [commands_for(c.segments, bench.twin, bench.limits) for c in group]
-        rollouts, steps = roll_out([bench.twin] * len(group), commands, self.nthread)
+        rollouts, steps = roll_out([bench.twin] * len(group), commands, self.nthread, observe=self.observe)
         self.steps += steps
         return [Tried(c, self._score(r, bench.twin, c)) for c, r in zip(group, rollouts, strict=True)]
 
@@ -181,16 +184,10 @@ class _Search:
 
 def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyLimits) -> FailureCause | None:
     """What rules out a motion before any search."""
+    missing = unseen(twin, spec)
+    if missing is not None:
+        return missing
     subject = task.subject or task.target or "palm"
-    for term in spec.terms:
-        for name in term.names:
-            if term.kind == "set_joint_fraction":
-                if twin.joint(name) is None:
-                    known = sorted(j.name for j in twin.joints)
-                    return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")
-            elif twin.get(name) is None:
-                seen = sorted(o.name for o in twin.objects)
-                return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {seen}")
     if task.subject is None:
         return None
     if twin.held is not None and twin.held != task.subject:

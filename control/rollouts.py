@@ -6,13 +6,14 @@ are recomputed from recorded states (`mj_forward`), only for motions that are wo
 """
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from mujoco import batch as mjbatch
 
+from control.batches import Observer, SimulatedBatch, simulate
 from control.collision_filter import body_name, subtree_root
 from control.limits import RobotLimits
 from control.residuals import Contacts, HeldSpan, TwinMotion
@@ -174,7 +175,11 @@ class Rollout:
 
 
 def roll_out(
-    twins: Sequence[TwinModel], motions: Sequence[Commands], nthread: int, step: float | None = None
+    twins: Sequence[TwinModel],
+    motions: Sequence[Commands],
+    nthread: int,
+    step: float | None = None,
+    observe: Observer | None = None,
 ) -> tuple[list[Rollout], int]:
     """Simulate motion i in twin i, all of them to their end.
 
@@ -183,6 +188,7 @@ def roll_out(
         motions: What to play, with rows at the step that is simulated.
         nthread: Threads; the result does not depend on it.
         step: Time step in [s]; the models' own by default.
+        observe: Told of each batch that is simulated.
 
     Returns:
         Rollouts in the same order, and the number of simulated steps.
@@ -200,19 +206,16 @@ def roll_out(
     order = sorted(range(len(twins)), key=lambda i: len(motions[i].arm))
     for chunk in _chunks(order, CHUNK):
         longest = max(len(motions[i].arm) for i in chunk)
-        batch = mjbatch.Batch(own[chunk[0]], len(chunk), nthread)
-        if any(own[i] is not own[chunk[0]] for i in chunk):
-            batch.set_models([own[i] for i in chunk])
-        qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
         inputs = np.zeros((len(chunk), longest, first.nu))
+        starts = np.empty((len(chunk), first.nq))
         for row, i in enumerate(chunk):
-            start = twins[i].start()
-            qpos[row], qvel[row], ctrl[row] = start.qpos, 0.0, start.ctrl
+            starts[row] = twins[i].start().qpos
             target = controls_for(own[i], motions[i])
             inputs[row, : len(target)] = target
             inputs[row, len(target) :] = target[-1]
-        starts = qpos.copy()
-        record = batch.rollout(longest, inputs, record=("qpos", "qvel"))
+        still = np.zeros((len(chunk), first.nv))
+        batch = SimulatedBatch(tuple(own[i] for i in chunk), starts, still, still, inputs, nthread)
+        record = simulate(batch, ("qpos", "qvel"), observe)
         steps += len(chunk) * longest
         for row, i in enumerate(chunk):
             n = len(motions[i].arm)
@@ -244,9 +247,10 @@ def record_motion(
     rows = np.unique(np.append(np.arange(0, len(rollout.time), stride), len(rollout.time) - 1))
     site = model.site(TCP_SITE).id
     bodies = {o.name: model.body(o.name).id for o in twin.objects}
+    moving = [model.body(j.body).id for j in twin.joints]
+    followed = np.array([*bodies.values(), *moving], int)
     tcp = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses = {name: np.tile(np.eye(4), (len(rows), 1, 1)) for name in bodies}
-    handles = {j.name: np.zeros((len(rows), 3)) for j in twin.joints}
+    places = np.tile(np.eye(4), (len(followed), len(rows), 1, 1))
     steps, pairs, forces = [], [], []
     names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
     # Contacts between things at rest on each other are nobody's business and most of the work.
@@ -257,22 +261,24 @@ def record_motion(
         data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
         mujoco.mj_forward(model, data)
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
-        for name, body in bodies.items():
-            poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-        for joint in twin.joints:
-            body = data.body(joint.body)
-            handles[joint.name][k] = body.xpos + body.xmat.reshape(3, 3) @ joint.handle.centre
+        places[:, k, :3, :3] = data.xmat[followed].reshape(-1, 3, 3)
+        places[:, k, :3, 3] = data.xpos[followed]
         geoms = data.contact.geom[: data.ncon]
         for i in np.flatnonzero(acts[geoms].any(axis=1)):
             a, b = names[geoms[i, 0]], names[geoms[i, 1]]
             if a == b:
                 continue
             mujoco.mj_contactForce(model, data, int(i), force)
-            size = float(np.linalg.norm(force[:3]))
+            size = math.sqrt(force[:3].dot(force[:3]))
             if size > FORCE_FLOOR:
                 steps.append(k)
                 pairs.append((a, b))
                 forces.append(size)
+    poses = dict(zip(bodies, places, strict=False))
+    handles = {
+        j.name: place[:, :3, 3] + place[:, :3, :3] @ j.handle.centre
+        for j, place in zip(twin.joints, places[len(bodies) :], strict=True)
+    }
     # What is in the hand moves with it by right.
     named = spec.names | ({task.subject} if task.subject else set()) | {s.name for s in rollout.commands.held}
     return TwinMotion(

@@ -11,6 +11,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from control.failure import FailureCause
 from control.goal_predicates import Inside, PosedObject, check_supported
 from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
@@ -73,6 +74,20 @@ def read_subtask(spec: RewardSpec) -> Subtask:
     if REST_POSITION in (first, second):
         return Subtask("bring", second if first == REST_POSITION else first, REST_POSITION, term)
     return Subtask("place", first, second, term)
+
+
+def unseen(twin: TwinModel, spec: RewardSpec) -> FailureCause | None:
+    """The first name of a spec that the twin does not have, as a `not_seen` cause that lists what was seen; or None."""
+    for term in spec.terms:
+        for name in term.names:
+            if term.kind == "set_joint_fraction":
+                if twin.joint(name) is None:
+                    known = sorted(j.name for j in twin.joints)
+                    return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")
+            elif twin.get(name) is None:
+                seen = sorted(o.name for o in twin.objects)
+                return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {seen}")
+    return None
 
 
 def posed_objects(twin: TwinModel, data: mujoco.MjData) -> dict[str, PosedObject]:
