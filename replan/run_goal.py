@@ -134,13 +134,14 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options.video, say)
-        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=panda_limits())
+        limits = panda_limits(cell.robot.gripper_model)
+        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
         try:
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
             _check_ready(client, options, cell.name)
             if on_client:
                 on_client("before", client)
-            hands = TwinCheckedHands(client, cell, panda_limits(), options.seed, episode, film, options.video, say)
+            hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say)
             eyes = CameraEyes(client, perception, episode, film, say)
             started = time.monotonic()
             result = run_loop(
