@@ -58,7 +58,7 @@ class GripperModel:
         opening: Largest distance between the pads in [m].
         fingertip: Furthest that the fingertips reach past the tool centre point at any opening, along the approach,
             in [m].
-        pad_reach: How far the pads reach past the tool centre point at every opening, in [m].
+        pad_reach: How far the pads reach past the tool centre point around anything that can be held, in [m].
         palm_room: From the tool centre point back to where an object comes too close to the palm, in [m].
         planned_speed: Of each finger in [m/s], as twins play a command.
         rated_speed: Of each finger in [m/s], as the robot moves its set point.
@@ -110,24 +110,25 @@ PANDA_HAND = GripperModel(
 # the pads they are sqrt(L^2 - (w / 2 + 7.8 mm - 12.7 mm)^2) past the knuckles' axes, which is 149.1 mm from the base
 # when open and 163 mm when closed, 13.9 mm further (11.8 mm at w = 80 mm, 1.6 mm at 40 mm). Here they are LINEAR jaws
 # at their furthest reach. So that this errs on the safe side, the tool centre point lies where the tips of widely
-# open fingers still are: whatever is held from there up to 26 mm nearer the palm is between the real pads at every
-# opening, `fingertip` keeps closed tips off the table, and `pad_reach` promises nothing past the tool centre point.
+# open fingers still are: what lies between it and 25 mm nearer the palm is between the real pads at every width that
+# can be held, `fingertip` keeps closed tips off the table, and `pad_reach` promises nothing past that point.
 ROBOTIQ_COUPLING = 0.011  # [m] between flange and gripper
 ROBOTIQ_TIP = ROBOTIQ_COUPLING + 0.163  # [m] from the flange to the tips of closed fingers
+_REACH = 0.0125  # [m] from the tool centre point to these tips
 
 ROBOTIQ_2F85 = GripperModel(
     name="robotiq_2f85",
     opening=0.085,
-    fingertip=0.012,
+    fingertip=_REACH,
     pad_reach=0.0,
-    palm_room=0.033,  # it is 40 mm to the knuckles, of which 7 mm are kept free
+    palm_room=0.0325,  # it is 39.5 mm to the knuckles, of which 7 mm are kept free
     planned_speed=0.065,
     rated_speed=0.075,
     pad_force=40.0,
     least_force=20.0,
     most_force=235.0,
     mounting=Mounting(
-        tcp=ROBOTIQ_TIP - 0.012,
+        tcp=ROBOTIQ_TIP - _REACH,
         # 925 g shared out as in public models of it (0.06 kg of links and pads a side). Inertia of boxes of the parts'
         # sizes and of even density, a little more than that of the real ones, whose motor sits in the middle.
         base=RigidPart(0.805, (0.0, 0.0, 0.050), (9.7e-4, 8.7e-4, 7.6e-4)),

@@ -72,6 +72,11 @@ class RobotModel:
             model.inertias[frame.parentJoint] += frame.placement.act(point)
         return cls(model, gripper=gripper)
 
+    @property
+    def mass(self) -> float:
+        """Mass of the whole robot in [kg], base, gripper and payload included."""
+        return float(sum(inertia.mass for inertia in self._model.inertias))
+
     def tcp_pose(self, q: np.ndarray) -> np.ndarray:
         """Pose of the tool centre point, base_T_tcp, shape (4, 4), at joint positions in [rad], shape (7,)."""
         self._pin.forwardKinematics(self._model, self._data, np.asarray(q, float))

@@ -18,7 +18,9 @@ _BODY = (
     (0.0335, 0.0425, 0.052, 0.072),
     (0.0195, 0.0415, 0.072, 0.101),  # up to the palm
     (0.0135, 0.0742, 0.056, 0.115),  # outer links, from open to closed
-    (0.0195, 0.0560, 0.066, 0.122),  # inner links
+    (0.0195, 0.0560, 0.066, 0.086),  # inner links, narrower towards the fingers
+    (0.0180, 0.0560, 0.086, 0.107),
+    (0.0155, 0.0560, 0.107, 0.122),
 )
 # Boxes that move with a pad: half width in x, from and to behind the pad's face in y, from and to before the tip in z.
 _PAD = (0.011, 0.0, 0.0075, 0.0, 0.0375)
