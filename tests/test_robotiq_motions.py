@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import yaml
 
 from control.failure import FailureCause
 from control.gripper import PANDA_HAND, ROBOTIQ_2F85
@@ -19,7 +18,6 @@ from control.rewards import RewardSpec
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.twin_model import TwinModel
-from sim_check.cells import BUILTIN_FOLDER
 from sim_check.verdict import judge_trajectory
 from tests.furniture_scenes import cabinet, lever
 from tests.motion_scenes import CRATE, arm, cubes, only, red_on_crate, twin_of
@@ -84,10 +82,7 @@ def test_a_door_and_a_lever_are_driven_by_their_handles(twin, joint, fraction):
 
 @pytest.mark.timeout(240)
 def test_a_whole_run_in_a_cell_with_the_2f85_reaches_its_goal(tmp_path):
-    file = yaml.safe_load((BUILTIN_FOLDER / "cubes.yaml").read_text())
-    file["name"], file["robot"]["gripper"] = "cubes-2f85", NAME
-    (tmp_path / "cell.yaml").write_text(yaml.safe_dump(file))
-    command = [sys.executable, "-m", "replan.main", "run", "place the red cube on the crate", "--cell", "./cell.yaml"]
+    command = [sys.executable, "-m", "replan.main", "run", "place the red cube on the crate", "--cell", "cubes-2f85"]
     run = subprocess.run(
         [*command, "--speed", "0", "--no-video", "--json"], capture_output=True, text=True, cwd=tmp_path, timeout=200
     )
