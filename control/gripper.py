@@ -102,9 +102,11 @@ PANDA_HAND = GripperModel(
     most_force=70.0,  # Franka Hand, product manual: continuous force
 )
 
-# Robotiq 2F-85. From the 2F-85 & 2F-140 instruction manual: stroke 85 mm, 925 g, grip force 20..235 N, finger speed
-# 20..150 mm/s (taken as that of the distance between the pads, the slower reading), 162.8 mm from its base to the
-# fingertips when closed, pads 22 mm wide and 37.5 mm long. A coupling of 11 mm joins it to the flange.
+# Robotiq 2F-85. Stroke 85 mm, 925 g (the coupling is counted in), grip force 20..235 N, finger speed 20..150 mm/s
+# (taken as that of the distance between the pads, the slower reading), 162.8 mm from its base to the fingertips when
+# closed: specifications in Robotiq's 2F-85 & 2F-140 instruction manual, and the 2F-85 profile of Robotiq's own SDK
+# (robotiq/grippers). Pads 22 mm wide and 37.5 mm long, lengths of the links: ROS-Industrial's description of it. A
+# coupling of 11 mm joins it to the flange.
 #
 # Its fingers hang on parallelograms of links L = 57.15 mm, so that their tips move on an arc: at a distance w between
 # the pads they are sqrt(L^2 - (w / 2 + 7.8 mm - 12.7 mm)^2) past the knuckles' axes, which is 149.1 mm from the base

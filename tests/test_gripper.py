@@ -1,6 +1,8 @@
 """Either gripper is one table of numbers that planning, the twin, dynamics and the robot's side all read."""
 
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -23,6 +25,7 @@ from control.trajectory import GripperCommand, JointPath, PathSegment
 from control.twin_model import FINGER_BODIES, FINGER_JOINTS, HAND_BODY, TCP_SITE
 from hw_interface.gate import Gate
 from hw_interface.sim_backend import SimBackend
+from replan.run_goal import RunOptions, _check_ready
 from sim_check.cells import load_cell
 from sim_check.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.robotiq_mjcf import add_robotiq
@@ -225,3 +228,12 @@ def test_the_simulated_2f85_opens_fully_within_the_time_that_a_trajectory_gives_
         backend.command(np.array(REST_Q), np.zeros(7))
     measured = backend.read()
     assert not measured.gripper_busy and measured.gripper_width == pytest.approx(ROBOTIQ_2F85.opening, abs=1e-3)
+
+
+def test_a_run_against_a_robot_with_the_other_gripper_is_refused_before_it_looks():
+    state = SimpleNamespace(cell="mine", profile=panda_limits().profile, mode="idle")
+    client, options = SimpleNamespace(state=lambda: state), RunOptions("pick up the red cube")
+    ready = partial(_check_ready, client, options, "mine")  # type: ignore[arg-type]
+    ready(panda_limits().profile)
+    with pytest.raises(ConfigError, match=r"profile is 'panda/5', but the cell file makes it 'panda/5\+robotiq_2f85'"):
+        ready(panda_limits(ROBOTIQ_2F85).profile)
