@@ -164,7 +164,7 @@ def _points(
     backs = {shallow, min(shallow + SHALLOWER, max(shallow, depth - LEAST_HOLD))}
     if raises and body.shape == "sphere":
         # The pads' edges touch a ball of radius r at a height r sin(angle) above its middle.
-        highest = max(shallow, gripper.fingertip + depth * float(np.sin(STEEPEST_HOLD)))
+        highest = max(shallow, gripper.pad_reach + depth * float(np.sin(STEEPEST_HOLD)))
         backs |= set(np.linspace(shallow, highest, raises).tolist())
     lowest = support_height + gripper.fingertip + safety.finger_clearance + ABOVE_TABLE
     points = [body.position - back * approach for back in sorted(backs)]

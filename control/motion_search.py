@@ -91,7 +91,7 @@ def plan_motion(
     if hindrance is not None:
         return hindrance
     limits = panda_limits()
-    arm = kinematics or ArmKinematics.from_urdf()
+    arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
     bench = Workbench(twin, task, safety, limits, arm, rng)
     search = _Search(bench, spec, nthread, observe)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]

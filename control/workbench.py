@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from control.collision_filter import NEAR_MARGIN, CollisionFilter, ObjectAt, Phase, body_name
+from control.errors import ConfigError
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
@@ -18,6 +19,7 @@ from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY,
 
 CARTESIAN_STEP = 0.02  # [m] between waypoints of straight moves of the hand
 IK_POSITION, IK_ROTATION = 5e-4, 5e-3  # [m], [rad]: a tenth of what perception knows
+TOOL_TOLERANCE = 1e-4  # [m] between the twin's tool and that of the kinematics
 LIMIT_MARGIN = 0.05  # [rad] kept from joint limits, more than the judge asks for
 
 
@@ -62,6 +64,18 @@ class Workbench:
         self._base_T_world = np.eye(4)
         self._base_T_world[:3, :3] = rotation.T
         self._base_T_world[:3, 3] = -rotation.T @ base.xpos
+        self._require_same_tool()
+
+    def _require_same_tool(self) -> None:
+        """Kinematics of another gripper would send this one's fingers somewhere else."""
+        base_T_tcp = self._base_T_world @ self.filter.tcp_pose(self.start_q)
+        position = self.arm.forward(self.start_q[None])[0][0]
+        apart = float(np.linalg.norm(position - base_T_tcp[:3, 3]))
+        if apart > TOOL_TOLERANCE:
+            raise ConfigError(
+                f"the arm's kinematics put the tool {apart * 1e3:.1f} mm from where the twin's gripper "
+                f"'{self.twin.gripper.name}' has it; make them with ArmKinematics.from_urdf(gripper=twin.gripper)"
+            )
 
     @property
     def _handled(self) -> str | None:

@@ -90,11 +90,12 @@ class Gate:
     def _check_gripper(self, trajectory: Trajectory, measured: Measured) -> None:
         for event in trajectory.gripper:
             command, able = event.command, self.gripper
-            if not (0.0 <= command.width <= able.opening and 0.0 <= command.force <= able.most_force):
+            least = able.least_force if command.kind == "grasp" else 0.0
+            if not (0.0 <= command.width <= able.opening and least <= command.force <= able.most_force):
                 raise RefusedError(
                     "breaks_limit",
                     f"gripper command at {event.time:.2f} s asks for {command.width:g} m and {command.force:g} N; "
-                    f"at most {able.opening:g} m and {able.most_force:g} N are possible",
+                    f"'{able.name}' is able to do 0 to {able.opening:g} m and {least:g} to {able.most_force:g} N",
                 )
         if trajectory.segments and trajectory.segments[0].held is not None and not measured.grasped:
             raise RefusedError(

@@ -95,7 +95,7 @@ def build_twin(
     order = {name: i for i, name in enumerate(scene.names)}
     placed.sort(key=lambda s: order[s.thing.name])
 
-    spec = panda_spec(meshes=False)
+    spec = panda_spec(meshes=False, gripper=cell.robot.gripper_model)
     place_robot(spec, cell.robot)
     spec.option.timestep = TWIN_STEP
     add_table(spec, scene.support_height)
@@ -119,6 +119,7 @@ def build_twin(
         scene_stamp=scene.stamp,
         joints=tuple(joint for f in fixed for joint in f.thing.joints),
         compartments=tuple(c for f in fixed for c in f.thing.compartments),
+        gripper=cell.robot.gripper_model,
     )
     qpos = _robot_qpos(twin, twin.qpos, gripper_width)
     for f in fixed:
