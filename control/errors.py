@@ -5,7 +5,8 @@ StackError
 │   └── MachineError       something that this machine lacks or that is taken: rendering, a port, a program
 ├── GoalError              a goal that cannot be understood or is empty
 ├── RewardSpecError        a reward program or spec that breaks the vocabulary
-│   └── UnknownObjectError a name that the scene does not have
+│   ├── UnknownObjectError a name that the scene does not have
+│   └── ContradictionError two terms of a spec that cannot hold together
 ├── TrajectoryError        a trajectory that is malformed or breaks a limit
 │   └── RetimingError      a path for which no time law within the limits was found
 ├── RefusedError           the driver refused (reason code and text); nothing moved
@@ -37,6 +38,10 @@ class RewardSpecError(StackError):
 
 class UnknownObjectError(RewardSpecError):
     """A name that the scene does not have."""
+
+
+class ContradictionError(RewardSpecError):
+    """Two terms of a spec that cannot hold together."""
 
 
 class TrajectoryError(StackError):

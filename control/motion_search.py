@@ -15,6 +15,8 @@ import numpy as np
 from control.batches import Observer
 from control.candidates import Candidate, candidates
 from control.collision_filter import Phase
+from control.contradictions import refuse_contradictions
+from control.early_refusals import start_contact, too_high
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
 from control.grasps import graspable_width
@@ -83,15 +85,16 @@ def plan_motion(
         `unsafe` (motions reach the goal, but break a check).
 
     Raises:
-        RewardSpecError: A term is of a kind that is not supported yet.
+        RewardSpecError: A term is of a kind that is not supported yet, or two terms exclude each other.
     """
     began = time.perf_counter()
     task = read_subtask(spec)
-    hindrance = _hindrance(twin, spec, task, safety) or _closed(twin, task)
+    refuse_contradictions(spec, twin)
+    arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
+    hindrance = _hindrance(twin, spec, task, safety) or _closed(twin, task) or too_high(twin, task, arm)
     if hindrance is not None:
         return hindrance
     limits = panda_limits()
-    arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
     bench = Workbench(twin, task, safety, limits, arm, rng)
     search = _Search(bench, spec, nthread, observe)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
@@ -108,7 +111,7 @@ def plan_motion(
         good = search.most_robust(good, variants)
     stats = MotionStats(search.steps, time.perf_counter() - began, _counts(bench, search))
     if not good:
-        return _failure(bench, search, stats)
+        return start_contact(twin) or _failure(bench, search, stats)
     best = good[0]
     return MotionPlan(
         path=JointPath(best.candidate.segments),
@@ -313,6 +316,8 @@ def _lost_at(bench: Workbench, subject: str) -> str:
         return (
             f"'{subject}' cannot be taken: all {counts['grasps_reachable']} reachable grasps come too close to {near}"
         )
+    if task.manipulation == "lift" and counts["pairs"]:
+        return f"'{subject}' can be taken, but from none of {counts['pairs']} holds raised to {task.term.value:.2f} m"
     if task.manipulation == "drive":
         if not counts["drives_free"]:
             return (

@@ -1,5 +1,6 @@
 """Reward specs: plans for one subtask as data, in a closed vocabulary. Needs the standard library only."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -10,6 +11,14 @@ TermKind = Literal[
 ]
 PALM = "palm"  # the tool centre point
 REST_POSITION = "rest_position"  # where the palm is in the robot's rest configuration
+# What the number of a term is, its least and largest value and its unit. These bounds catch nonsense (a negative
+# distance, millimetres for metres); what is out of an arm's reach is a matter of the search.
+VALUES: dict[str, tuple[str, float, float, str]] = {
+    "maximize_l2_distance": ("distance", 0.0, 10.0, " m"),
+    "set_joint_fraction": ("fraction", 0.0, 1.0, ""),
+    "set_obj_z_position": ("height", -10.0, 10.0, " m"),
+    "set_obj_orientation": ("rotation", -2 * math.pi, 2 * math.pi, " rad"),
+}
 
 
 @dataclass(frozen=True)
@@ -34,14 +43,49 @@ class RewardTerm:
     def __post_init__(self) -> None:
         if self.kind not in get_args(TermKind):
             raise RewardSpecError(f"no reward term '{self.kind}'; there are {sorted(get_args(TermKind))}")
+        self._check_names()
+        self._check_value()
+
+    def _check_names(self) -> None:
         if self.kind.endswith("l2_distance"):
             if self.target is None:
                 raise RewardSpecError(f"{self.kind} needs two names; it was given '{self.subject}' alone")
             if self.target == self.subject:
                 raise RewardSpecError(f"{self.kind} was given '{self.subject}' twice; name two different things")
-        needs_value = self.kind != "minimize_l2_distance"
-        if needs_value and self.value is None:
+            return
+        if self.target is not None:
+            raise RewardSpecError(f"{self.kind} takes one name; it was given '{self.subject}' and '{self.target}'")
+        if self.subject in (PALM, REST_POSITION):
+            what = "a joint" if self.kind == "set_joint_fraction" else "an object"
+            raise RewardSpecError(f"{self.kind} needs the name of {what}; '{self.subject}' is none")
+
+    def _check_value(self) -> None:
+        if self.kind == "minimize_l2_distance":
+            if self.value is not None:
+                raise RewardSpecError(f"{self.kind} takes no number; it was given {self.value}")
+            return
+        if self.value is None:
             raise RewardSpecError(f"{self.kind} of '{self.subject}' needs a number")
+        what, low, high, unit = VALUES[self.kind]
+        number = not isinstance(self.value, bool) and isinstance(self.value, (int, float))
+        if not number or not math.isfinite(self.value) or not low <= self.value <= high:
+            raise RewardSpecError(
+                f"the {what} of {self.kind} of '{self.subject}' must be a number from {low:g} to {high:g}{unit}, not "
+                f"{self.value}"
+            )
+
+    @property
+    def text(self) -> str:
+        """As a call, for messages."""
+        parts = [self.subject, *([self.target] if self.target else [])]
+        return f"{self.kind}({', '.join([*parts, *([] if self.value is None else [f'{self.value:g}'])])})"
+
+    @property
+    def carries(self) -> str | None:
+        """The object that has to be brought somewhere, or None: of two objects the first, beside a place the object."""
+        if not self.kind.endswith("l2_distance") or PALM in (self.subject, self.target):
+            return None
+        return self.target if self.subject == REST_POSITION else self.subject
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ def read_subtask(spec: RewardSpec) -> Subtask:
     if term.kind == "set_joint_fraction":
         return Subtask("drive", first, None, term)
     if term.kind == "maximize_l2_distance":
-        if first == PALM or (first in places and second not in places):
+        if first in places:
             return Subtask("retreat", None, second if first == PALM else first, term)
         return Subtask("away", first, second, term)
     if first in places and second in places:

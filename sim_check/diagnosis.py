@@ -2,7 +2,13 @@
 
 Movable things that the subtask does not name are made ghosts: they touch nothing, nothing touches them, and they stay
 where they are. If motions exist with all of them gone, but not with all of them there, some are to blame: a single one
-without which it works, else a smallest set. Nothing here knows a name or a scene; it is all geometry and simulation.
+without which it works, else a smallest set.
+
+Where a motion was played in vain though the twin has nothing against it, the twin may be wrong by what perception is
+unsure of: a cube seen a finger's breadth nearer to an edge than it stands. So bodies are suspected that keep every
+motion from leaving as much room as perception may err by. A joint's own suspects were pushed against before.
+
+Nothing here knows a name or a scene; it is all geometry and simulation.
 """
 
 from dataclasses import dataclass, replace
@@ -16,12 +22,14 @@ from control.motion_search import plan_motion
 from control.rewards import RewardSpec
 from control.safety import SafetyLimits
 from control.subtasks import read_subtask
-from control.twin_model import TwinModel
+from control.twin_model import TwinJoint, TwinModel
 from sim_check.ghosts import ghosted
 from sim_check.joint_diagnosis import JointBlame, blame
 
 EXPLAINABLE = ("no_candidate", "unsafe")
 ROLLOUTS = 6  # candidates that are simulated for one thought
+SURE = 2.0  # times the spread of a position: what perception errs by in one case of twenty
+MOST_ROOM = 0.015  # [m] that a motion is asked to leave beyond the clearances
 
 
 def diagnose(
@@ -58,38 +66,21 @@ def diagnose(
         return _joint_blocked(joint.name, pushed, failure)
     if failure is None:
         found = thought.plan(())
-        if isinstance(found, MotionPlan) and joint is not None:
-            return FailureCause(
-                "locked",
-                joint.name,
-                f"nothing that was seen holds '{joint.name}': in the twin it is free and a motion drives it; something "
-                "unseen locks it",
-                evidence=_push_evidence(pushed),
-            )
         if isinstance(found, MotionPlan):
-            return FailureCause(
-                "not_achieved",
-                spec.primary.subject,
-                "a motion exists in the twin, so nothing that it knows of explains the failure; look again",
-            )
+            return _unexplained(thought, joint, pushed)
         failure = found
     if failure.kind not in EXPLAINABLE or "counts" not in failure.evidence:
         return failure
-    near = failure.evidence.get("too_close_to", {})
-    suspects = [o.name for o in twin.objects if o.movable and o.name not in spec.names and o.name != twin.held]
-    suspects.sort(key=lambda name: -near.get(name, 0))
-    if not suspects or not thought.possible(suspects):
+    bodies, alone = thought.in_the_way(failure)
+    if not bodies:
         return replace(failure, evidence={**failure.evidence, "explained_by_bodies": False})
-    alone = [name for name in suspects if thought.possible([name])]
-    bodies = alone[:1] if alone else _smallest(thought, suspects)
-    subject = failure.subject
-    named = " and ".join(f"'{b}'" for b in bodies)
+    subject, named = failure.subject, _named(bodies)
     verb = "is" if len(bodies) == 1 else "are"
     return FailureCause(
         "blocked_by",
         subject,
         f"{named} {verb} in the way of '{subject}': with {named} gone there is a motion, as things stand there is none",
-        bodies=tuple(bodies),
+        bodies=bodies,
         evidence={
             **failure.evidence,
             "without": {" and ".join(k): v for k, v in thought.answers.items()},
@@ -99,8 +90,60 @@ def diagnose(
     )
 
 
+def _unexplained(thought: "_Thought", joint: TwinJoint | None, pushed: JointBlame | None) -> FailureCause:
+    """Why a motion that the twin has nothing against was played in vain: what perception may err by, or the unseen."""
+    subject = thought.spec.primary.subject
+    if joint is not None:
+        message = (
+            f"nothing that was seen holds '{subject}': in the twin it is free and a motion drives it; something unseen "
+            "locks it"
+        )
+        return FailureCause("locked", subject, message, evidence=_push_evidence(pushed))
+    room, bodies = _close_call(thought)
+    if bodies:
+        named = _named(bodies)
+        verb = "is" if len(bodies) == 1 else "are"
+        message = (
+            f"{named} {verb} likely in the way of '{subject}': the motion that was found leaves less than "
+            f"{room * 1e3:.0f} mm more room than it must, which is what perception may err by; with {named} gone there "
+            "is one that leaves more"
+        )
+        return FailureCause("blocked_by", subject, message, bodies=bodies, evidence={"room": room})
+    return FailureCause(
+        "not_achieved",
+        subject,
+        "a motion exists in the twin, so nothing that it knows of explains the failure; look again",
+        evidence={"room": room},
+    )
+
+
+def _close_call(thought: "_Thought") -> tuple[float, tuple[str, ...]]:
+    """Room in [m] that a motion should leave beyond the clearances, and the bodies that keep every motion from it."""
+    spreads = [float(np.max(o.position_std[:2])) for o in thought.twin.objects if o.movable]
+    room = min(MOST_ROOM, SURE * max(spreads, default=0.0))
+    s = thought.safety
+    wary = replace(
+        thought,
+        safety=replace(
+            s,
+            arm_clearance=s.arm_clearance + room,
+            held_clearance=s.held_clearance + room,
+            # A grasp is checked by its feel; what is asked of fingers also narrows what they can open around.
+            finger_clearance=s.finger_clearance + room / 4,
+        ),
+    )
+    found = wary.plan(())
+    if isinstance(found, MotionPlan) or found.kind not in EXPLAINABLE:
+        return room, ()
+    return room, wary.in_the_way(found)[0]
+
+
+def _named(bodies: tuple[str, ...]) -> str:
+    return " and ".join(f"'{b}'" for b in bodies)
+
+
 def _joint_blocked(joint: str, pushed: JointBlame, failure: FailureCause | None) -> FailureCause:
-    named = " and ".join(f"'{b}'" for b in pushed.bodies)
+    named = _named(pushed.bodies)
     verb = "keeps" if len(pushed.bodies) == 1 else "keep"
     said = {} if failure is None else {**failure.evidence, "search_said": failure.message}
     return FailureCause(
@@ -156,12 +199,22 @@ class _Thought:
             self.answers[key] = isinstance(self.plan(key), MotionPlan)
         return self.answers[key]
 
+    def in_the_way(self, failure: FailureCause) -> tuple[tuple[str, ...], list[str]]:
+        """Bodies without which there is a motion, none when there never is; and all that suffice alone."""
+        near = failure.evidence.get("too_close_to", {})
+        twin, spec = self.twin, self.spec
+        suspects = [o.name for o in twin.objects if o.movable and o.name not in spec.names and o.name != twin.held]
+        suspects.sort(key=lambda name: -near.get(name, 0))
+        if not suspects or not self.possible(suspects):
+            return (), []
+        alone = [name for name in suspects if self.possible([name])]
+        return tuple(alone[:1] or self._smallest(suspects)), alone
 
-def _smallest(thought: _Thought, suspects: list[str]) -> list[str]:
-    """A set of bodies none of which can be left in place: suspects are put back one at a time, unlikely ones first."""
-    gone = list(suspects)
-    for name in reversed(suspects):
-        fewer = [g for g in gone if g != name]
-        if fewer and thought.possible(fewer):
-            gone = fewer
-    return gone
+    def _smallest(self, suspects: list[str]) -> list[str]:
+        """Bodies none of which can be left in place: suspects are put back one at a time, unlikely ones first."""
+        gone = list(suspects)
+        for name in reversed(suspects):
+            fewer = [g for g in gone if g != name]
+            if fewer and self.possible(fewer):
+                gone = fewer
+        return gone

@@ -25,7 +25,9 @@ _AIR = 2e-4  # under the thing, in [m]
 _OVERLAP = 1e-4  # [m]
 _MOMENT = 0.4  # simulated time in [s]
 _DRIFT = 0.004  # [m] that a thing may move meanwhile
-_TRIALS = 12  # poses that are simulated
+_TILT = 0.1  # [rad] that it may tilt meanwhile
+_LOOK = 0.02  # [s] between looks at whether it has moved; most that falls is given up at the first of them
+_TRIALS = 500  # poses that are simulated
 
 
 def snap(thing: ObjectModel, pose: np.ndarray, furniture: Sequence[Fixed], heights: Sequence[float]) -> Standing | None:
@@ -119,8 +121,11 @@ class _Scratch:
         """Whether the thing is still there after a moment."""
         self._put(pose)
         mujoco.mj_forward(self._model, self._data)
-        for _ in range(round(_MOMENT / self._model.opt.timestep)):
-            mujoco.mj_step(self._model, self._data)
-        moved = np.linalg.norm(self._data.xpos[self._body] - pose[:3, 3])
-        tilted = np.arccos(np.clip(self._data.xmat[self._body].reshape(3, 3)[:, 2] @ pose[:3, 2], -1.0, 1.0))
-        return bool(moved < _DRIFT and tilted < 0.1)
+        look = round(_LOOK / self._model.opt.timestep)
+        for _ in range(round(_MOMENT / _LOOK)):
+            mujoco.mj_step(self._model, self._data, nstep=look)
+            moved = np.linalg.norm(self._data.xpos[self._body] - pose[:3, 3])
+            tilted = np.arccos(np.clip(self._data.xmat[self._body].reshape(3, 3)[:, 2] @ pose[:3, 2], -1.0, 1.0))
+            if not (moved < _DRIFT and tilted < _TILT):
+                return False
+        return True

@@ -3,6 +3,7 @@
 import numpy as np
 
 from control.failure import FailureCause
+from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
 from control.safety import SafetyLimits
 from sim_check.diagnosis import diagnose
@@ -65,6 +66,22 @@ def test_a_width_is_not_explained_by_bodies():
 def test_a_failure_that_the_twin_does_not_know_of_asks_to_look_again():
     cause = explain(cubes(), red_on_crate(), None)
     assert cause.kind == "not_achieved" and "look again" in cause.message
+
+
+def test_what_leaves_less_room_than_perception_may_err_by_is_suspected_of_a_motion_that_failed():
+    twin = twin_of(
+        estimate("crate", (0.50, 0.15, 0.03), CRATE),
+        estimate("yellow_cube", (0.49, 0.174, 0.085), CUBE, std=0.005),
+        estimate("red_cube", (0.45, -0.15, 0.025), CUBE),
+        estimate("blue_cube", (0.60, -0.20, 0.025), CUBE),
+    )
+    assert isinstance(search(twin, red_on_crate()), MotionPlan)  # beside the yellow one, with little to spare
+    cause = explain(twin, red_on_crate(), None)
+    assert (cause.kind, cause.bodies) == ("blocked_by", ("yellow_cube",))
+    assert cause.message.startswith(
+        "'yellow_cube' is likely in the way of 'red_cube': the motion that was found leaves"
+    )
+    assert "less than 10 mm more room than it must" in cause.message
 
 
 def test_a_ghost_stays_where_it_is_and_touches_nothing():

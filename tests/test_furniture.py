@@ -263,6 +263,16 @@ def test_a_bar_is_snapped_behind_the_handles_however_it_was_perceived():
         assert -0.15 - 0.021 - 0.037 < local[0] < -0.15 - 0.021
 
 
+@pytest.mark.parametrize("seed", [10, 16])
+def test_a_bar_seen_two_centimetres_off_and_crooked_is_snapped_though_many_nearer_poses_let_it_fall(seed):
+    cell = load_cell("cabinet-blocked")
+    seen = noisy_scene(build_world(cell, seed, meshes=False), np.random.default_rng([seed, 7]), 0.01, 4.0)
+    data = build_twin(cell, seen, np.array(REST_Q), OPEN).start()
+    cabinet = data.body("wooden_cabinet")
+    local = cabinet.xmat.reshape(3, 3).T @ (data.body("red_bar").xpos - cabinet.xpos)
+    assert -0.15 - 0.021 - 0.037 < local[0] < -0.15 - 0.021
+
+
 def test_what_lies_in_an_open_cabinet_is_set_on_its_shelf_even_when_its_bottom_was_not_seen():
     cabinet = seen_in(world_of("cabinet-open"), "wooden_cabinet")
     shelf = 0.17

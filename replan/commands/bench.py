@@ -1,4 +1,4 @@
-"""`replan bench goals|planner|poses|retime`: measurements, printed as a table or JSON."""
+"""`replan bench goals|motions|planner|poses|retime|diagnosis`: measurements, printed as a table or JSON."""
 
 from __future__ import annotations
 
@@ -38,6 +38,11 @@ class BenchGoals:
         return 0
 
 
+def _call(command: list[str]) -> int:
+    """Run a script from the checkout's root."""
+    return subprocess.call(command, cwd=Path(__file__).resolve().parents[2])
+
+
 @dataclass(frozen=True)
 class _BenchScript:
     """A script of the folder benchmarks/, which prints its own table or JSON."""
@@ -53,8 +58,7 @@ class _BenchScript:
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
         command = [sys.executable, "-m", self.MODULE, "--seeds", str(self.seeds), *self.EXTRA]
-        command += ["--json"] * self.json
-        return subprocess.call(command, cwd=Path(__file__).resolve().parents[2])
+        return _call([*command, *["--json"] * self.json])
 
 
 @dataclass(frozen=True)
@@ -83,8 +87,28 @@ class BenchRetime(_BenchScript):
 
 
 @dataclass(frozen=True)
+class BenchDiagnosis:
+    """How often the right cause of a failure is named, with true poses and with errors on every pose."""
+
+    runs: int = 20
+    """Runs of each case, with seeds 0, 1, 2, ..."""
+    pose_noise_mm: float = 5.0
+    """Spread of position errors per axis in the second table, in [mm]."""
+    yaw_noise_deg: float = 2.0
+    """Spread of yaw errors in the second table, in [degrees]."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.diagnosis", "--runs", str(self.runs)]
+        command += ["--pose-noise-mm", str(self.pose_noise_mm), "--yaw-noise-deg", str(self.yaw_noise_deg)]
+        return _call([*command, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class Bench:
-    """Measure: whole goals in the simulated cell, motion planners, pose errors, retiming."""
+    """Measure: whole goals in the simulated cell, motions, planners, pose errors, retiming, diagnosis of failures."""
 
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
@@ -92,6 +116,7 @@ class Bench:
             | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
+            | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
         ]
     ]
 
