@@ -15,6 +15,7 @@ from control.extraction import WayOut, ways_out
 from control.goal_predicates import PosedObject
 from control.grasps import BETWEEN_WALLS, USUAL, Grasp, grasps
 from control.limits import REST_Q
+from control.rotations import rolled
 from control.side_grasps import grasps_by_handle, grasps_from_the_side
 from control.trajectory import GripperCommand, PathSegment
 from control.workbench import Workbench, straight_targets
@@ -27,6 +28,7 @@ LEAST_SPARE = 0.002  # [m] that an opening is wider than an object and its finge
 NARROW_WEIGHT = 20.0  # [rad/m], of fingers that open less than fully, in the choice between close walls
 MOST_READY = 24  # grasps that are looked for; more would only be joined with the same places
 ASIDE_WEIGHT = 20.0  # [rad/m], of a grasp off the object's middle
+LEAST_DOWN = 0.2  # least downward part of the approach direction where an object is put down
 OUT_WEIGHT = 5.0  # [rad/m], of a way out that is longer than the shortest one
 SLOW, MEDIUM = 0.4, 0.7  # shares of the allowed speed near contacts
 
@@ -158,6 +160,7 @@ def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: Collision
 
 def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[WayOut]) -> _Ways:
     """Of some grasps those that the arm reaches, comes to, and from which it follows a way out, in straight lines."""
+    offered = [g for g in offered if _points_down_later(bench, body, g)]
     bench.counts["grasps"] += len(offered)
     owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
     bench.counts["grasps_reachable"] += len(set(owners.tolist()))
@@ -182,6 +185,15 @@ def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[
         [upwards[k] for k in kept],
         np.array(efforts),
     )
+
+
+def _points_down_later(bench: Workbench, body: PosedObject, grasp: Grasp) -> bool:
+    """Whether the hand still points downwards when the object has been turned over in it, where that is asked for."""
+    task = bench.subtask
+    if task.manipulation != "turn":
+        return True
+    turned = rolled(body.pose, 0, float(task.term.value or 0.0))[:3, :3]
+    return bool((turned @ body.pose[:3, :3].T @ grasp.approach)[2] < -LEAST_DOWN)
 
 
 def _ready(

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.goal_predicates import EDGE_MARGIN, Inside, PosedObject
-from control.rotations import rotation_exp
 from control.safety import SafetyLimits
 
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
 TURNS = 12  # turns about the vertical that are offered
 DROPS = (0.0, 0.015, 0.03, 0.045)  # [m] above the lowest place in a container, for hands that cannot reach down into it
+QUARTERS = np.array([0.0, np.pi / 2, -np.pi / 2])
 DEPTHS = (0.12, 0.09, 0.15)  # [m] behind an opening that are offered, for the object's centre
 WALL_GAP = 0.03  # [m] between an object put into furniture and its walls, for the fingers
 BESIDE = 6  # places beside the centre that are offered
@@ -40,15 +40,6 @@ def turned(world_T_object: np.ndarray, angle: float, position: np.ndarray) -> np
     return out
 
 
-def rolled(world_T_object: np.ndarray, axis: int, angle: float) -> np.ndarray:
-    """The pose (4, 4) turned in place by `angle` [rad] about one of the object's own axes, 0 to 2 for x to z."""
-    direction = np.zeros(3)
-    direction[axis] = angle
-    out = world_T_object.copy()
-    out[:3, :3] = world_T_object[:3, :3] @ rotation_exp(direction)
-    return out
-
-
 def on_or_in(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """Poses of `a` on top of `b`, or in `b` when it is a container or has an inside; the middle first."""
     if b.inside is not None:
@@ -65,6 +56,7 @@ def away_from(
     support_height: float,
     rng: np.random.Generator,
     count: int = 24,
+    turns: np.ndarray = QUARTERS,
 ) -> list[Placement]:
     """Free places of `a` on the table at a horizontal `distance` [m] or more from `other`, nearest to `a` first.
 
@@ -76,7 +68,8 @@ def away_from(
         safety: For the workspace.
         support_height: Height of the table top in [m].
         rng: Source of randomness.
-        count: Most places to return.
+        count: Most spots to return.
+        turns: Turns about the vertical at each spot in [rad], shape (n,), on top of the arm's own swing.
     """
     radius = float(np.hypot(*_level_sizes(a))) / 2
     low = np.asarray(safety.workspace_low)[:2] + radius
@@ -97,7 +90,7 @@ def away_from(
         # The hand turns with the arm, so the object may as well.
         swing = np.arctan2(position[1], position[0]) - np.arctan2(a.position[1], a.position[0])
         far = float(np.linalg.norm(spots[i] - a.position[:2]))
-        for turn in (swing, 0.0, swing + np.pi / 2, swing - np.pi / 2):
+        for turn in (swing + turns[0], 0.0, *(swing + turns[1:])):
             out.append(Placement(turned(a.pose, float(turn), position), far, f"{far:.2f} m away"))
     return out
 

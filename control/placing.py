@@ -8,16 +8,17 @@ from control.collision_filter import Phase
 from control.extraction import LIFT
 from control.goal_predicates import PosedObject
 from control.limits import REST_Q, RobotLimits
-from control.picking import BACK_OFF, SPARE_OPENING, ReadyGrasp
-from control.placements import Placement, away_from, on_or_in, rolled
+from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp
+from control.placements import Placement, away_from, on_or_in
+from control.rotations import rolled
 from control.workbench import Workbench, straight_targets
 
-STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
 ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
 BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
 ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
 NARROW_OPENING = 0.010  # [m] beyond the object: the least release
 LEVEL_HAND = 0.35  # downward part of the approach direction of a hand that cannot put things on a table
+HEADINGS = 8  # of a thing that is turned over, about the vertical
 AT_ONE_SPOT = 12  # places that are offered together
 AT_ONCE = 60  # combinations that are checked together; more only where none of them is free
 
@@ -63,11 +64,12 @@ def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
         places = on_or_in(body, bench.objects[str(task.target)], bench.rng)
         return sorted(places, key=lambda p: p.preference)
     others = [o for name, o in bench.objects.items() if name != task.subject]
-    if task.manipulation == "turn":  # near where it stands, on the table
-        at, distance = body.position, -np.inf
-    else:
-        at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
-        distance = float(task.term.value or 0.0)
+    if task.manipulation == "turn":  # near where it stands, on the table, in any heading
+        turns = np.arange(HEADINGS) * 2 * np.pi / HEADINGS
+        height = bench.twin.support_height
+        return away_from(body, body.position, -np.inf, others, bench.safety, height, bench.rng, turns=turns)
+    at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
+    distance = float(task.term.value or 0.0)
     return away_from(body, at, distance, others, bench.safety, bench.twin.support_height, bench.rng)
 
 
@@ -95,14 +97,17 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
         lifted = bench.filter.tcp_pose(grasp.lift[-1])
         for j, place in enumerate(places):
             target = place.world_T_object @ object_T_tcp
-            if -target[2, 2] < STEEPEST:
+            if -target[2, 2] < LEAST_DOWN:
                 continue
             index.append((i, j))
             targets.append(target)
             seeds.append(_swung(grasp.lift[-1], lifted, target, bench.limits))
     if not index:
         return []
-    owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
+    if bench.subtask.manipulation == "turn":  # the hand ends in quite another posture
+        owners, solutions = bench.solve(np.array(targets))
+    else:
+        owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
     bench.counts["places_reachable"] += len(owners)
     out: list[tuple[int, ReadyPlace]] = []
     effort = [
