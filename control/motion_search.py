@@ -41,7 +41,7 @@ VARIED = 8  # variants per round
 ELITE = 4
 SHUT = 0.15  # fraction below which a door lets nothing through
 # Residuals that only a retimed motion can be held against.
-RETIMED_ONLY = ("tracked_hand_speed",)
+RETIMED_ONLY = ("tracked_hand_speed", "tracked_hand_angular_speed")
 # A rollout rests only briefly at its end; the verdict waits out the whole settling time.
 SETTLE_IN_SEARCH = 0.1  # [s]
 

@@ -29,6 +29,7 @@ from control.twin_model import (
     TCP_SITE,
     TwinModel,
 )
+from control.zones import RobotPoints, RobotTrack
 
 FINGER_SPEED = 0.05  # [m/s] of each finger; the Franka hand closes its 80 mm in about 0.8 s
 GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come to rest
@@ -253,11 +254,14 @@ def record_motion(
     # Contacts between things at rest on each other are nobody's business and most of the work.
     acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES} | ({task.subject} if task.subject else set())
     acts = np.array([n in acting for n in names])
+    robot = RobotPoints(model)
+    track = np.zeros((len(rows), len(robot.bodies), 3))
     force = np.zeros(6)
     for k, row in enumerate(rows):
         data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
         mujoco.mj_forward(model, data)
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+        track[k] = robot.at(data)
         for name, body in bodies.items():
             poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
         for joint in twin.joints:
@@ -294,6 +298,7 @@ def record_motion(
             for j in twin.joints
         },
         handles=handles,
+        robot=RobotTrack(robot.bodies, robot.radius, track),
     )
 
 
