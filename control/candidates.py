@@ -13,7 +13,7 @@ from itertools import islice, product
 import numpy as np
 
 from control.collision_filter import Held, JointAt, Phase
-from control.driving import JointMotion, ReadyDrive, drive_segments, ready_drives
+from control.driving import ROUGH_STEPS, Holds, ReadyDrive, drive_segments
 from control.goal_predicates import PosedObject, judge_term
 from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
@@ -26,7 +26,7 @@ from control.workbench import Workbench, path_length, straight_targets
 READY_GRASPS = 10  # grasps that are joined with places
 USES = 3  # candidates of one group of places that share one grasp
 GROUP = 12  # places that are looked at together, about one spot in all its turns
-NEW_HOLDS = (0.5, 0.65, 0.35)  # shares of a joint's way at which the hand may take a new hold
+NEW_HOLDS = 3  # stations on a joint's way at which the hand may take a new hold
 JOINED = 60  # combinations of holds of a handle for which ways are looked for
 PLANNED = 4  # pairs for which RRT-connect is tried, where straight ways are obstructed
 HOVER = 0.018  # [m] between an object's surface and the tool centre point that "reaches" it
@@ -169,18 +169,20 @@ def _drives(bench: Workbench) -> Iterator[Candidate]:
     if joint is None:
         return
     goal = joint.position(float(bench.subtask.term.value or 0.0))
+    holds = Holds(bench, joint, goal)
     found = False
-    for candidate in _driven(bench, joint.name, [ready_drives(bench, joint, goal)]):
+    for candidate in _driven(bench, joint.name, [holds.ready()]):
         found = True
         yield candidate
-    start = JointMotion.of(bench.twin, joint).start
-    for share in NEW_HOLDS:
+    # As far as one hold goes, or a little less.
+    furthest = min(holds.furthest, ROUGH_STEPS - 1)
+    for stations in range(furthest, max(0, furthest - NEW_HOLDS), -1):
         if found:
             return
-        between = start + share * (goal - start)
-        first = ready_drives(bench, joint, between)
+        first = holds.ready(stations)
         if first:
-            second = ready_drives(bench, joint, goal, between, first[0].leave[-1])
+            between = float(holds.stations[stations - 1])
+            second = Holds(bench, joint, goal, between, first[0].leave[-1]).ready()
             for candidate in _driven(bench, joint.name, [first, second]):
                 found = True
                 yield candidate
@@ -223,10 +225,10 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
 def _placings(bench: Workbench) -> Iterator[Candidate]:
     """Pick the subject and put it down: free grasps x free places x free ways, cheapest pairs first."""
     ready = diverse(ready_grasps(bench), READY_GRASPS)
-    places = offered_places(bench)
-    bench.counts["places"] += len(places)
-    if not ready or not places:
+    if not ready:
         return
+    places = offered_places(bench, ready)
+    bench.counts["places"] += len(places)
     reaches: dict[int, np.ndarray | None] = {}
     pairs: list[tuple[int, ReadyPlace]] = []
     found = 0

@@ -8,12 +8,13 @@ them holds them against its limits again (`control.trajectory_checks`).
 import hashlib
 import uuid
 from collections.abc import Collection
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 
 from control.certificate import Certificate, Verdict
 from control.errors import RefusedError, TrajectoryError
+from control.gripper import PANDA_HAND, GripperModel
 from control.limits import RobotLimits
 from control.safety import SafetyLimits
 from control.trajectory import Trajectory
@@ -23,10 +24,10 @@ START_TOLERANCE = 1e-4  # [rad]: the first sample must be what the robot is comm
 CLOCK_SLACK = 0.5  # [s] by which a certificate may seem to come from the future: two reads of clocks kept by NTP
 
 
-def limits_hash(limits: RobotLimits, safety: SafetyLimits) -> str:
-    """SHA-256 over every number of both tables, so that a motion judged by other limits can be told apart."""
+def limits_hash(limits: RobotLimits, safety: SafetyLimits, gripper: GripperModel = PANDA_HAND) -> str:
+    """SHA-256 over every number of these tables, so that a motion judged by other limits can be told apart."""
     digest = hashlib.sha256()
-    for table in (limits, safety):
+    for table in (limits, safety, gripper):
         digest.update(type(table).__name__.encode() + b"\n")
         for field in sorted(fields(table), key=lambda f: f.name):
             digest.update(f"{field.name}={_canonical(getattr(table, field.name))}\n".encode())
@@ -35,8 +36,10 @@ def limits_hash(limits: RobotLimits, safety: SafetyLimits) -> str:
 
 def _canonical(value: object) -> str:
     """Text that is equal exactly when the values are: numbers by their bits, arrays and tuples alike."""
-    if isinstance(value, str):
+    if value is None or isinstance(value, str):
         return repr(value)
+    if is_dataclass(value):
+        return _canonical(tuple(getattr(value, f.name) for f in fields(value)))
     if isinstance(value, np.ndarray | tuple | list):
         return "[" + ",".join(_canonical(v) for v in value) + "]"
     return float(value).hex()  # type: ignore[arg-type]

@@ -29,6 +29,8 @@ NEAR_MARGIN = 0.001  # [m], the same for the last stretch to a grasp between clo
 SELF_TOLERANCE = 0.001  # [m] between what is planned and what is judged of the robot's own parts
 HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
 PRESSED = 0.006  # [m] that an object may seem to overlap what carries it: errors of two perceived heights
+FEW = 12  # pairs whose exact distances cost less than looking at their boxes
+BOX_SLACK = 1e-4  # [m] beyond a limit within which boxes alone do not decide: more than exact distances are off by
 IGNORE = -1.0  # [m], a threshold that no pair falls below
 
 
@@ -40,6 +42,7 @@ class Phase(IntEnum):
     CARRY = 2  # the object moves with the hand, away from everything
     CONTACT = 3  # the object moves with the hand and may touch what carries it
     DRIVE = 4  # fingers at the handle of a joint, which moves with the hand
+    EXTRACT = 5  # the object moves with the hand, out of what is close to it where it stands
 
 
 class _Kind(IntEnum):
@@ -52,6 +55,7 @@ class _Kind(IntEnum):
     PANEL = 6  # what moves with a driven joint, its handle apart
 
 
+_OUTSIDE = (_Kind.WORLD, _Kind.SUPPORT)
 _LACKS = {"arm": _Kind.ARM, "finger": _Kind.FINGER, "held": _Kind.OBJECT}
 
 
@@ -109,7 +113,7 @@ class CollisionFilter:
     ) -> None:
         model = twin.model
         self.model, self._data = model, mujoco.MjData(model)
-        self._qpos0 = np.array(twin.qpos)
+        self._qpos0, self._start_q = np.array(twin.qpos), np.asarray(twin.q, float)
         self.subject = subject
         self.checks = 0
         self.rejected_by: Counter[str] = Counter()
@@ -124,9 +128,8 @@ class CollisionFilter:
         table = _thresholds(safety, margin)
         pairs = _pairs(model, kind, table)
         self._kind = kind
-        self._by_phase = [
-            _PairSet.of(model, pairs, table[phase][kind[pairs[:, 0]], kind[pairs[:, 1]]]) for phase in Phase
-        ]
+        self._by_phase = [_PairSet(model, pairs, table[phase][kind[pairs[:, 0]], kind[pairs[:, 1]]]) for phase in Phase]
+        self._object_alone = [pairs.of_kinds(kind, _Kind.OBJECT, _OUTSIDE) for pairs in self._by_phase]
         self._relax_start(twin)
 
     def tcp_pose(self, q: np.ndarray) -> np.ndarray:
@@ -148,11 +151,18 @@ class CollisionFilter:
         self._place(q, width, object_at)
         self.checks += 1
         pairs = self._by_phase[phase]
-        for i in pairs.near(self._data):
+        for i in pairs.near(self._data, prune=True).tolist():
             if self._distance(pairs, i) < pairs.limit[i]:
                 self.rejected_by[self._outer_body(*pairs.geoms[i])] += 1
                 return False
         return True
+
+    def object_clear(self, world_T_object: np.ndarray, phase: Phase) -> bool:
+        """Whether the handled object alone keeps its distances from the world at a pose (4, 4), robot left out."""
+        self._place(self._start_q, 0.0, world_T_object)
+        self.checks += 1
+        pairs, own = self._by_phase[phase], self._object_alone[phase]
+        return all(self._distance(pairs, i) >= pairs.limit[i] for i in pairs.near(self._data, prune=True) if own[i])
 
     def path_clear(self, path: np.ndarray, phase: Phase, width: float, object_at: ObjectAt = None) -> bool:
         """Whether all configurations of a path, shape (n, 7), keep all distances; a coarse selection comes first."""
@@ -190,9 +200,9 @@ class CollisionFilter:
         return out
 
     def _distance(self, pairs: "_PairSet", i: int) -> float:
-        a, b = pairs.geoms[i]
+        a, b = pairs.pair[i]
         reach = max(float(pairs.limit[i]), 0.0) + 0.001
-        return float(mujoco.mj_geomDistance(self.model, self._data, int(a), int(b), reach, self._segment))
+        return float(mujoco.mj_geomDistance(self.model, self._data, a, b, reach, self._segment))
 
     def _place(self, q: np.ndarray, width: float, object_at: ObjectAt) -> None:
         data = self._data
@@ -216,11 +226,16 @@ class CollisionFilter:
         return pose
 
     def _relax_start(self, twin: TwinModel) -> None:
-        """Pairs that start inside their clearance may stay as close as they are, so that the arm can leave."""
+        """Pairs that start inside their clearance may stay as close as they are, so that the arm can leave.
+
+        What the object stands in counts on its way out alone, unless the hand has it already.
+        """
         self._place(twin.q, twin.gripper_width, None)
-        for phase in (Phase.FREE, Phase.CARRY):
-            pairs = self._by_phase[phase]
+        for phase in (Phase.FREE, Phase.CARRY, Phase.EXTRACT):
+            pairs, own = self._by_phase[phase], self._object_alone[phase]
             for i in pairs.near(self._data):
+                if phase != Phase.EXTRACT and own[i] and twin.held is None:
+                    continue
                 pairs.limit[i] = min(pairs.limit[i], self._distance(pairs, i) - SELF_TOLERANCE)
 
     def _outer_body(self, a: int, b: int) -> str:
@@ -231,41 +246,66 @@ class CollisionFilter:
         return body_name(self.model, int(self.model.geom_bodyid[outer]))
 
 
-@dataclass(frozen=True)
 class _PairSet:
     """Pairs of geoms with the distance that they must keep.
 
+    Args:
+        model: The twin's model.
+        pairs: Indices of geoms, shape (m, 2); where one of them is a plane it is the first.
+        limit: Least distance of each pair in [m], shape (m,); pairs with `IGNORE` are left out.
+
     Attributes:
-        geoms: Indices, shape (n, 2); where one of them is a plane it is the first.
+        geoms: Indices, shape (n, 2).
+        pair: The same as plain numbers.
         limit: Least distance in [m], shape (n,).
-        radius: Sum of the bounding radii in [m], shape (n,).
-        plane: Whether the first is a plane, shape (n,).
     """
 
-    geoms: np.ndarray
-    limit: np.ndarray
-    radius: np.ndarray
-    plane: np.ndarray
-
-    @classmethod
-    def of(cls, model: mujoco.MjModel, pairs: np.ndarray, limit: np.ndarray) -> "_PairSet":
+    def __init__(self, model: mujoco.MjModel, pairs: np.ndarray, limit: np.ndarray) -> None:
         keep = limit > IGNORE
-        geoms, limit = pairs[keep], limit[keep].copy()
-        plane = model.geom_type[geoms[:, 0]] == mujoco.mjtGeom.mjGEOM_PLANE
-        radius = np.where(plane, 0.0, model.geom_rbound[geoms[:, 0]]) + model.geom_rbound[geoms[:, 1]]
-        return cls(geoms, limit, radius, plane)
+        self.geoms, self.limit = pairs[keep], limit[keep].copy()
+        self.pair: list[tuple[int, int]] = [(int(a), int(b)) for a, b in self.geoms]
+        self._first, self._second = (np.ascontiguousarray(column) for column in self.geoms.T)
+        plane = model.geom_type[self._first] == mujoco.mjtGeom.mjGEOM_PLANE
+        self._plane = np.flatnonzero(plane)
+        self._radius = np.where(plane, 0.0, model.geom_rbound[self._first]) + model.geom_rbound[self._second]
+        self._bound = model.geom_rbound.copy()
+        self._bound[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = np.inf  # its box means nothing
+        self._box_at, self._box_half = model.geom_aabb[:, :3].copy(), model.geom_aabb[:, 3:].copy()
 
-    def near(self, data: mujoco.MjData) -> np.ndarray:
-        """Indices of pairs whose bounding spheres come within their limit, nearest first."""
-        offset = data.geom_xpos[self.geoms[:, 1]] - data.geom_xpos[self.geoms[:, 0]]
+    def of_kinds(self, kind: np.ndarray, one: int, others: tuple[int, ...]) -> np.ndarray:
+        """Whether one geom of a pair is of one kind and the other of some others, shape (n,)."""
+        a, b = kind[self.geoms[:, 0]], kind[self.geoms[:, 1]]
+        return ((a == one) & np.isin(b, others)) | ((b == one) & np.isin(a, others))
+
+    def near(self, data: mujoco.MjData, prune: bool = False) -> np.ndarray:
+        """Indices of pairs whose bounding spheres come within their limit, nearest first.
+
+        Args:
+            data: With up-to-date kinematics.
+            prune: Leave out pairs whose boxes already keep them apart by more than their limit.
+        """
+        at = data.geom_xpos
+        offset = at.take(self._second, axis=0) - at.take(self._first, axis=0)
         between = np.sqrt(np.einsum("ij,ij->i", offset, offset))
-        if self.plane.any():
-            rows = self.plane
-            normal = data.geom_xmat[self.geoms[rows, 0]][:, [2, 5, 8]]
+        if len(self._plane):
+            rows = self._plane
+            normal = data.geom_xmat[self._first[rows]][:, [2, 5, 8]]
             between[rows] = np.einsum("ij,ij->i", offset[rows], normal)
-        gap = between - self.radius - self.limit
+        gap = between - self._radius - self.limit
         rows = np.flatnonzero(gap < 0.0)
-        return rows[np.argsort(gap[rows], kind="stable")]
+        rows = rows[np.argsort(gap[rows], kind="stable")]
+        if prune and len(rows) > FEW:
+            a, b = self._first[rows], self._second[rows]
+            least = np.maximum(self._box_to_sphere(data, a, b), self._box_to_sphere(data, b, a))
+            rows = rows[least < self.limit[rows] + BOX_SLACK]
+        return rows
+
+    def _box_to_sphere(self, data: mujoco.MjData, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Distance in [m] of the boxes of geoms `a` from the bounding spheres of geoms `b`: their least distance."""
+        offset = data.geom_xpos[b] - data.geom_xpos[a]
+        local = np.einsum("nji,nj->ni", data.geom_xmat[a].reshape(-1, 3, 3), offset)
+        outside = np.maximum(np.abs(local - self._box_at[a]) - self._box_half[a], 0.0)
+        return np.sqrt(np.einsum("ij,ij->i", outside, outside)) - self._bound[b]
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
@@ -376,9 +416,9 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
             t[_Kind.ARM, _Kind.OBJECT], t[_Kind.FINGER, _Kind.OBJECT] = arm, finger
         else:
             t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED if phase == Phase.GRASP else 0.0
-        if phase in (Phase.CARRY, Phase.CONTACT):
+        if phase in (Phase.CARRY, Phase.CONTACT, Phase.EXTRACT):
             t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
-            t[_Kind.OBJECT, _Kind.SUPPORT] = held if phase == Phase.CARRY else -PRESSED
+            t[_Kind.OBJECT, _Kind.SUPPORT] = -PRESSED if phase == Phase.CONTACT else held
         # A panel keeps off the hand in every phase; while it is driven, it and its handle keep off the world as well.
         t[_Kind.ARM, _Kind.PANEL], t[_Kind.FINGER, _Kind.PANEL] = arm, finger
         if phase == Phase.DRIVE:

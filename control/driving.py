@@ -7,32 +7,29 @@ share of a door's rotation, as wrists do not reach a full quarter turn. The door
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from control.collision_filter import JointAt, Phase
-from control.grasps import MAX_OPENING, pose, tcp_frame
+from control.handle_grasps import handle_grasps
+from control.joint_motion import JointMotion
 from control.limits import REST_Q
 from control.picking import BACK_OFF, MEDIUM, SLOW, SPARE_OPENING
 from control.rotations import rotation_exp
 from control.trajectory import GripperCommand, PathSegment
-from control.twin_model import Handle, TwinJoint, TwinModel
+from control.twin_model import TwinJoint
 from control.workbench import Workbench, path_length, straight_targets
 
-# Approaches about the bar, from its outward side.
-AROUND = np.radians([0.0, 20.0, -20.0, 35.0, -35.0, 55.0, -55.0, 75.0, -75.0])
-TILTS = np.radians([0.0, 25.0, -25.0, 45.0, -45.0, 65.0, -65.0])  # of the approach along the bar
-BESIDE_BOX = np.radians([0.0, 90.0, -90.0])  # the approaches about a bar with flat sides
-ALONG = (0.0, 0.5, -0.5)  # points on the bar, in half lengths
 SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
 DRIVE_STEP = 0.02  # [m] of the handle between waypoints
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
+LEAVE = (BACK_OFF, 0.06, 0.04)  # [m] back from a handle that was let go; the least clears the bar with the fingertips
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
 HOOKED = 0.5  # least part of the handle's motion along the closing direction for a cage to pull
 ROLL_EFFORT = 1.0  # per [rad] that a handle turns between the pads: it rolls there, and the door lags behind
 CAGE_EFFORT = 0.5  # [rad] that a cage is worse than a grip
 MOST_READY = 12
-AT_ONCE = 8  # grasps that are taken along together
+AT_ONCE = 24  # grasps that are taken along together
+ROUGH_STEPS = 5  # stations of a first look along the joint's path
 
 
 @dataclass(frozen=True)
@@ -60,115 +57,6 @@ class ReadyDrive:
     text: str
 
 
-@dataclass(frozen=True)
-class HandleGrasp:
-    """A pose of the tool at a handle.
-
-    Attributes:
-        world_T_tcp: Tool between the pads around the bar, shape (4, 4).
-        width: Distance between the pads around it in [m].
-        text: For people.
-    """
-
-    world_T_tcp: np.ndarray
-    width: float
-    text: str
-
-
-@dataclass(frozen=True)
-class JointMotion:
-    """How a joint moves what hangs on it, in the world.
-
-    Attributes:
-        hinge: Whether it turns; else it slides.
-        axis: Unit vector, shape (3,).
-        anchor: Point on the axis in [m], shape (3,).
-        start: Joint position in [rad] or [m] at which the hand takes hold.
-        world_T_body: Pose of the moving body there, shape (4, 4).
-    """
-
-    hinge: bool
-    axis: np.ndarray
-    anchor: np.ndarray
-    start: float
-    world_T_body: np.ndarray
-
-    @classmethod
-    def of(cls, twin: TwinModel, joint: TwinJoint, position: float | None = None) -> "JointMotion":
-        """Of a joint as it stands in a twin, or at another position in [rad] or [m]."""
-        data, number = twin.start(), twin.model.joint(joint.name).id
-        address = twin.model.jnt_qposadr[number]
-        if position is not None:
-            data.qpos[address] = position
-            mujoco.mj_kinematics(twin.model, data)
-            mujoco.mj_comPos(twin.model, data)
-        body, start = data.body(joint.body), float(data.qpos[address])
-        world_T_body = pose(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
-        hinge = twin.model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
-        return cls(bool(hinge), data.xaxis[number].copy(), data.xanchor[number].copy(), start, world_T_body)
-
-    def carried(self, world_T_tool: np.ndarray, position: float, share: float = 1.0) -> np.ndarray:
-        """A tool's pose (4, 4) when the joint has gone from the start to `position`, in [rad] or [m].
-
-        The tool's point goes along with the body; its attitude turns by `share` of the joint's rotation.
-        """
-        way = position - self.start
-        out = world_T_tool.copy()
-        if not self.hinge:
-            out[:3, 3] += self.axis * way
-            return out
-        out[:3, 3] = self.anchor + rotation_exp(self.axis * way) @ (world_T_tool[:3, 3] - self.anchor)
-        out[:3, :3] = rotation_exp(self.axis * way * share) @ world_T_tool[:3, :3]
-        return out
-
-    def direction(self, point: np.ndarray) -> np.ndarray:
-        """Unit vector in which a point (3,) of the body sets out as the joint position grows."""
-        way = np.cross(self.axis, point - self.anchor) if self.hinge else self.axis
-        return way / max(float(np.linalg.norm(way)), 1e-9)
-
-    def lever(self, point: np.ndarray) -> float:
-        """How far a point (3,) moves in [m] per [rad] or [m] of the joint."""
-        return float(np.linalg.norm(np.cross(self.axis, point - self.anchor))) if self.hinge else 1.0
-
-
-def ready_drives(
-    bench: Workbench, joint: TwinJoint, goal: float, start: float | None = None, near: np.ndarray | None = None
-) -> list[ReadyDrive]:
-    """Up to `MOST_READY` ways to bring a joint to a position; least motion first.
-
-    Args:
-        bench: Surroundings of the search.
-        joint: The subtask's joint.
-        goal: Where it should stand in [rad] or [m].
-        start: Where it stands in [rad] or [m]; as in the twin by default.
-        near: Where the arm comes from in [rad], shape (7,); the start by default.
-    """
-    motion = JointMotion.of(bench.twin, joint, start)
-    near = bench.start_q if near is None else near
-    offered = handle_grasps(joint.handle, motion.world_T_body)
-    bench.counts["grasps"] += len(offered)
-    owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
-    bench.counts["grasps_reachable"] += len(set(owners.tolist()))
-    chosen = [offered[i] for i in owners]
-    outwards, ok = bench.follow(
-        solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.world_T_tcp[:3, 2]) for g in chosen]
-    )
-    effort = [float(np.abs(q - near).max() + 0.2 * np.abs(q - REST_Q).max()) for q in solutions]
-    out: list[tuple[float, ReadyDrive]] = []
-    order = [int(i) for i in np.argsort(effort, kind="stable") if ok[i]]
-    for first in range(0, len(order), AT_ONCE):
-        free: list[tuple[int, float]] = []  # which solution, with which opening
-        for i in order[first : first + AT_ONCE]:
-            opening = _opening(bench, chosen[i], solutions[i], outwards[i], JointAt(motion.start))
-            if opening is not None:
-                free.append((i, opening))
-        bench.counts["grasps_free"] += len(free)
-        out += _taken_along(bench, motion, goal, near, chosen, solutions, outwards, free)
-        if len(out) >= MOST_READY:
-            break
-    return [drive for _, drive in sorted(out, key=lambda row: row[0])]
-
-
 def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_width: float) -> tuple[PathSegment, ...]:
     """Reach, take hold, drive, let go and leave.
 
@@ -189,85 +77,159 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
     )
 
 
-def handle_grasps(handle: Handle, world_T_body: np.ndarray) -> list[HandleGrasp]:
-    """Poses of the tool with the bar between the pads: around it, tilted along it, at several points, either way up."""
-    rotation = world_T_body[:3, :3]
-    axis, outward = rotation @ handle.axis, rotation @ handle.outward
-    side = np.cross(axis, outward)
-    centre = rotation @ handle.centre + world_T_body[:3, 3]
-    out = []
-    for around in AROUND if handle.shape == "capsule" else BESIDE_BOX:
-        radial = -(np.cos(around) * outward + np.sin(around) * side)
-        width = 2 * (handle.half_width if abs(around) < np.pi / 4 or handle.shape == "capsule" else handle.half_depth)
-        for tilt in TILTS:
-            approach = np.cos(tilt) * radial - np.sin(tilt) * axis
-            for flip in (1.0, -1.0):
-                turn = tcp_frame(approach, flip * np.cross(axis, radial))
-                text = f"{np.degrees(around):.0f} deg about the bar, {np.degrees(tilt):.0f} deg along it"
-                out += [
-                    HandleGrasp(pose(turn, centre + share * handle.half_length * axis), width, text) for share in ALONG
-                ]
-    return out
+_Row = tuple[int, float]  # which grasp (and solution), share of the rotation
 
 
-def _opening(bench: Workbench, grasp: HandleGrasp, q: np.ndarray, outwards: np.ndarray, at: JointAt) -> float | None:
-    """The widest opening with which the hand can come to the handle, or None."""
-    for opening in (MAX_OPENING, grasp.width + SPARE_OPENING, grasp.width + NARROW_SPARE):
-        if (
-            bench.filter.clear(q, Phase.GRASP, opening, at)
-            and bench.filter.clear(outwards[-1], Phase.FREE, opening, at)
-            and bench.filter.path_clear(outwards[:-1], Phase.GRASP, opening, at)
-        ):
-            return opening
-    return None
+class Holds:
+    """Holds of a joint's handle that the arm reaches, and how far each of them can be taken along.
 
+    Args:
+        bench: Surroundings of the search.
+        joint: The subtask's joint.
+        goal: Where it should stand in [rad] or [m].
+        start: Where it stands in [rad] or [m]; as in the twin by default.
+        near: Where the arm comes from in [rad], shape (7,); the start by default.
 
-def _taken_along(
-    bench: Workbench,
-    motion: JointMotion,
-    goal: float,
-    near: np.ndarray,
-    grasps: list[HandleGrasp],
-    solutions: np.ndarray,
-    outwards: list[np.ndarray],
-    free: list[tuple[int, float]],
-) -> list[tuple[float, ReadyDrive]]:
-    """Free ways along the joint's path for some grasps, in all shares of its rotation, with their efforts."""
-    shares = SHARES if motion.hinge else (0.0,)
-    rows = [(i, opening, share) for i, opening in free for share in shares]
-    if not rows:
-        return []
-    reach = motion.lever(grasps[free[0][0]].world_T_tcp[:3, 3]) * abs(goal - motion.start)
-    positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
-    targets = [
-        np.array([motion.carried(grasps[i].world_T_tcp, p, share) for p in positions[1:]]) for i, _, share in rows
-    ]
-    along, ok = bench.follow(np.array([solutions[i] for i, _, _ in rows]), targets)
-    leaving = [straight_targets(t[-1], -BACK_OFF * t[-1][:3, 2]) for t in targets]
-    leaves, ok_leave = bench.follow(np.array([path[-1] for path in along]), leaving)
-    bench.counts["drives_followed"] += int(np.sum(ok & ok_leave))
-    out = []
-    for n in np.flatnonzero(ok & ok_leave):
-        i, opening, share = rows[n]
-        rolled = (1.0 - share) * abs(goal - motion.start) if motion.hinge else 0.0
-        if not _free_along(bench, along[n], positions[1:], leaves[n], grasps[i].width, opening):
-            continue
-        bench.counts["drives_free"] += 1
-        path = np.vstack([solutions[i][None], along[n]])
-        effort = float(np.abs(solutions[i] - near).max()) + path_length(path) + ROLL_EFFORT * rolled
-        leave = np.vstack([path[-1:], leaves[n]])
-        arrive = np.vstack([outwards[i][::-1], solutions[i][None]])
-        sign = np.sign(goal - motion.start)
-        for grip in (True, False):
-            if not grip and not _hooked(motion, grasps[i].world_T_tcp, targets[n][-1], goal, sign):
+    Attributes:
+        stations: Joint positions on the way at which a hold may end, in [rad] or [m], shape (ROUGH_STEPS,); the last is
+            the goal.
+    """
+
+    def __init__(
+        self,
+        bench: Workbench,
+        joint: TwinJoint,
+        goal: float,
+        start: float | None = None,
+        near: np.ndarray | None = None,
+    ) -> None:
+        self._bench = bench
+        self._motion = motion = JointMotion.of(bench.twin, joint, start)
+        self._near = bench.start_q if near is None else near
+        self.stations = motion.start + (goal - motion.start) * np.arange(1, ROUGH_STEPS + 1) / ROUGH_STEPS
+        offered = handle_grasps(joint.handle, motion.world_T_body)
+        bench.counts["grasps"] += len(offered)
+        owners, self._solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
+        bench.counts["grasps_reachable"] += len(set(owners.tolist()))
+        self._grasps = [offered[i] for i in owners]
+        self._outwards, ok = bench.follow(
+            self._solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.world_T_tcp[:3, 2]) for g in self._grasps]
+        )
+        effort = [float(np.abs(q - self._near).max() + 0.2 * np.abs(q - REST_Q).max()) for q in self._solutions]
+        self._order = [int(i) for i in np.argsort(effort, kind="stable") if ok[i]]
+        self._passed: dict[_Row, int] = {}  # stations that a hold comes by, in a first look
+
+    @property
+    def furthest(self) -> int:
+        """Number of stations that the best of the holds looked at so far comes by."""
+        return max(self._passed.values(), default=0)
+
+    def ready(self, stations: int = ROUGH_STEPS) -> list[ReadyDrive]:
+        """Up to `MOST_READY` ways to bring the joint to a station, the goal by default; least motion first."""
+        shares = SHARES if self._motion.hinge else (0.0,)
+        out: list[tuple[float, ReadyDrive]] = []
+        for first in range(0, len(self._order), AT_ONCE):
+            rows = [(i, share) for i in self._order[first : first + AT_ONCE] for share in shares]
+            self._look_at([row for row in rows if row not in self._passed])
+            promising = [row for row in rows if self._passed[row] >= stations]
+            self._bench.counts["drives_rough"] += len(promising)
+            out += self._taken_along(self._free(promising), float(self.stations[stations - 1]))
+            if len(out) >= MOST_READY:
+                break
+        return [drive for _, drive in sorted(out, key=lambda row: row[0])]
+
+    def _look_at(self, rows: list[_Row]) -> None:
+        """See how many stations some holds come by, in a few large steps; few of them come by all."""
+        if not rows:
+            return
+        bench = self._bench
+        targets = self._targets(rows, self.stations)
+        q = np.array([self._solutions[i] for i, _ in rows])
+        left = np.arange(len(rows))
+        bench.counts["drives_tried"] += len(rows)
+        self._passed |= dict.fromkeys(rows, 0)
+        for k, position in enumerate(self.stations):
+            along, ok = bench.follow(q[left], list(targets[left, k : k + 1]), rough=True)
+            at, on = JointAt(float(position)), []
+            for n in np.flatnonzero(ok):
+                row = rows[left[n]]
+                if bench.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
+                    q[left[n]] = along[n][0]
+                    self._passed[row] = k + 1
+                    on.append(left[n])
+            left = np.array(on, int)
+            if not len(left):
+                return
+
+    def _free(self, rows: list[_Row]) -> list[tuple[int, float, float]]:
+        """Those to which the hand can come: index, share, and the widest opening with which it can."""
+        openings = {i: self._opening(i) for i in dict.fromkeys(i for i, _ in rows)}
+        self._bench.counts["grasps_free"] += sum(o is not None for o in openings.values())
+        return [(i, share, opening) for i, share in rows if (opening := openings[i]) is not None]
+
+    def _taken_along(self, rows: list[tuple[int, float, float]], goal: float) -> list[tuple[float, ReadyDrive]]:
+        """Free ways along the joint's path and out, with their efforts."""
+        if not rows:
+            return []
+        bench, motion = self._bench, self._motion
+        reach = motion.lever(self._grasps[rows[0][0]].world_T_tcp[:3, 3]) * abs(goal - motion.start)
+        positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
+        targets = self._targets([(i, share) for i, share, _ in rows], positions[1:])
+        along, ok = bench.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
+        leaves, ok_leave = self._ways_off(along, [t[-1] for t in targets])
+        bench.counts["drives_followed"] += int(np.sum(ok & ok_leave))
+        out = []
+        for n in np.flatnonzero(ok & ok_leave):
+            i, share, opening = rows[n]
+            grasp, q = self._grasps[i], self._solutions[i]
+            if not free_along(bench, along[n], positions[1:], leaves[n], grasp.width, opening):
                 continue
-            text = f"{grasps[i].text}, hand turns {share:.0%} of the way, {'grip' if grip else 'hook'}"
-            drive = ReadyDrive(arrive, path, positions, leave, opening, grasps[i].width, grip, text)
-            out.append((effort + (0.0 if grip else CAGE_EFFORT), drive))
-    return out
+            bench.counts["drives_free"] += 1
+            rolled = (1.0 - share) * abs(goal - motion.start) if motion.hinge else 0.0
+            path = np.vstack([q[None], along[n]])
+            effort = float(np.abs(q - self._near).max()) + path_length(path) + ROLL_EFFORT * rolled
+            leave = np.vstack([path[-1:], leaves[n]])
+            arrive = np.vstack([self._outwards[i][::-1], q[None]])
+            for grip in (True, False):
+                if not grip and not _hooked(motion, grasp.world_T_tcp, targets[n][-1], goal):
+                    continue
+                text = f"{grasp.text}, hand turns {share:.0%} of the way, {'grip' if grip else 'hook'}"
+                drive = ReadyDrive(arrive, path, positions, leave, opening, grasp.width, grip, text)
+                out.append((effort + (0.0 if grip else CAGE_EFFORT), drive))
+        return out
+
+    def _ways_off(self, along: list[np.ndarray], tools: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+        """Back from the handle where the way along it ends, as far as the arm comes; whether it comes far enough."""
+        leaves: list[np.ndarray] = [path[-1:] for path in along]
+        ok = np.zeros(len(along), bool)
+        for distance in LEAVE:
+            rest = np.flatnonzero(~ok)
+            ends = np.array([along[n][-1] for n in rest]).reshape(-1, 7)
+            ways = [straight_targets(tools[n], -distance * tools[n][:3, 2]) for n in rest]
+            found, reached = self._bench.follow(ends, ways)
+            for n, leave in zip(rest[reached], (found[k] for k in np.flatnonzero(reached)), strict=True):
+                leaves[n], ok[n] = leave, True
+        return leaves, ok
+
+    def _targets(self, rows: list[_Row], positions: np.ndarray) -> np.ndarray:
+        tools = np.array([self._grasps[i].world_T_tcp for i, _ in rows])
+        return self._motion.carried_all(tools, positions, np.array([share for _, share in rows]))
+
+    def _opening(self, i: int) -> float | None:
+        """The widest opening with which the hand can come to a handle, or None."""
+        check, at = self._bench.filter, JointAt(self._motion.start)
+        q, outwards, width = self._solutions[i], self._outwards[i], self._grasps[i].width
+        for opening in (self._bench.twin.gripper.opening, width + SPARE_OPENING, width + NARROW_SPARE):
+            if (
+                check.clear(q, Phase.GRASP, opening, at)
+                and check.clear(outwards[-1], Phase.FREE, opening, at)
+                and check.path_clear(outwards[:-1], Phase.GRASP, opening, at)
+            ):
+                return opening
+        return None
 
 
-def _free_along(
+def free_along(
     bench: Workbench, along: np.ndarray, positions: np.ndarray, leave: np.ndarray, width: float, opening: float
 ) -> bool:
     """Whether the hand, the joint's body and the way out keep their distances; the end is looked at first."""
@@ -282,8 +244,8 @@ def _free_along(
     )
 
 
-def _hooked(motion: JointMotion, first: np.ndarray, last: np.ndarray, goal: float, sign: float) -> bool:
+def _hooked(motion: JointMotion, first: np.ndarray, last: np.ndarray, goal: float) -> bool:
     """Whether a finger stands behind the handle, seen along its motion, from start to end."""
     set_out = motion.direction(first[:3, 3])
     arrive = rotation_exp(motion.axis * (goal - motion.start)) @ set_out if motion.hinge else set_out
-    return bool(min(abs(set_out @ first[:3, 1]), abs(arrive @ last[:3, 1])) >= HOOKED and sign != 0)
+    return bool(min(abs(set_out @ first[:3, 1]), abs(arrive @ last[:3, 1])) >= HOOKED and goal != motion.start)

@@ -12,20 +12,24 @@ r = 0. Tolerances are wide enough that a perception error of 5 mm does not turn 
     maximize_l2_distance(palm, b, d)   the distance of the tool centre point from b's centre is at least d
     set_obj_z_position(a, z)           a's centre is at least at height z
     set_joint_fraction(j, f)           joint j stands within `FRACTION_TOLERANCE` of fraction f; r is a share, not [m]
+    set_obj_orientation(a, t)          a is turned by t about its own x axis from how it stood at the start, in whatever
+                                       heading, within `TURN_TOLERANCE`; r = angle x half of its length
 
 Opening and closing are one definition: a door counts as closed when it stands closed, not when nothing was done to it.
-Orientations are refused by name: they are not yet supported, and never silently met.
+Where attitudes are tracked (the twin), a turn is judged on them. A camera that fits upright boxes cannot tell which of
+a box's faces is up: there a turn is judged on the height that it gives the object, and says so.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from control.errors import RewardSpecError, UnknownObjectError
+from control.errors import UnknownObjectError
 from control.rewards import PALM, REST_POSITION, RewardTerm
+from control.rotations import rolled, rotation_exp
 
 NEAR_PALM = 0.03  # [m]
 VERTICAL_TOLERANCE = 0.015  # [m], of a contact between two perceived boxes: two heights with 5 mm error each, and slack
@@ -34,8 +38,8 @@ HEIGHT_TOLERANCE = 0.01  # [m], of a lifted object's centre
 DISTANCE_TOLERANCE = 0.01  # [m], of a horizontal distance to keep
 # Share of a joint's range: 5.4 degrees of a door that turns by 1.9 rad. Perceived doors are off by two or three.
 FRACTION_TOLERANCE = 0.05
+TURN_TOLERANCE = 0.17  # [rad], of an object's tilt: it lies flat or it does not
 SUPPORT = "table"
-SUPPORTED_KINDS = ("minimize_l2_distance", "maximize_l2_distance", "set_obj_z_position", "set_joint_fraction")
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,8 @@ class PosedObject:
         inner_floor: Height of a container's inner floor above its lowest point in [m].
         inner_radius: Radius of a container's opening in [m].
         inside: Furniture's inside, or None.
+        tracked: Whether its pose is followed from the start, so that its faces can be told apart; else it was fitted
+            anew to what is seen.
     """
 
     name: str
@@ -75,6 +81,7 @@ class PosedObject:
     inner_floor: float = 0.0
     inner_radius: float = 0.0
     inside: Inside | None = None
+    tracked: bool = True
 
     @property
     def position(self) -> np.ndarray:
@@ -135,15 +142,6 @@ class TermJudgement:
     text: str
 
 
-def check_supported(term: RewardTerm) -> None:
-    """Raise RewardSpecError for terms that nothing here can judge yet."""
-    if term.kind not in SUPPORTED_KINDS:
-        raise RewardSpecError(
-            f"{term.kind} of '{term.subject}' is not yet supported by the motion search; it supports "
-            f"{', '.join(SUPPORTED_KINDS)}. Ask for the result with one of these terms"
-        )
-
-
 def judge_term(
     term: RewardTerm,
     objects: Mapping[str, PosedObject],
@@ -166,10 +164,8 @@ def judge_term(
         fractions: How far each joint is open, 0 closed .. 1 open, by name.
 
     Raises:
-        RewardSpecError: The term's kind is not supported yet.
         UnknownObjectError: The term names an object that is not in `objects`, or a joint that is not in `fractions`.
     """
-    check_supported(term)
     if term.kind == "set_joint_fraction":
         if term.subject not in fractions:
             raise UnknownObjectError(f"no joint named '{term.subject}' in this scene; it has {sorted(fractions)}")
@@ -180,6 +176,9 @@ def judge_term(
     palm, rest = np.asarray(palm_position, float), np.asarray(rest_palm_position, float)
     if term.kind == "set_obj_z_position":
         return _judge_height(objects[term.subject], float(term.value or 0.0))
+    if term.kind == "set_obj_orientation":
+        a = objects[term.subject]
+        return _judge_turn(a, a if start_objects is None else start_objects.get(a.name, a), float(term.value or 0.0))
     if term.kind == "maximize_l2_distance":
         reference = objects if start_objects is None else start_objects
         return _judge_away(term, objects, reference, palm, rest, support_height)
@@ -301,3 +300,21 @@ def _judge_height(a: PosedObject, wanted: float) -> TermJudgement:
     return TermJudgement(
         residual == 0.0, residual, f"the centre of {a.name} is at {height * 1e3:.0f} mm (asked for {wanted * 1e3:.0f})"
     )
+
+
+def _judge_turn(a: PosedObject, start: PosedObject, angle: float) -> TermJudgement:
+    """The direction that is up, in the object's own axes, against where a turn about x by `angle` [rad] takes it."""
+    wanted = rotation_exp(np.array([-angle, 0.0, 0.0])) @ start.pose[2, :3]
+    half_length = float(np.max(a.extents)) / 2
+    if not a.tracked:
+        turned = replace(start, pose=rolled(start.pose, 0, angle))
+        off = abs(a.half_height - turned.half_height)
+        residual = max(0.0, off - VERTICAL_TOLERANCE / 2)
+        text = f"{a.name} is {2e3 * a.half_height:.0f} mm high, as far as it can be seen"
+        return TermJudgement(
+            residual == 0.0, residual, f"{text} (turned as asked it is {2e3 * turned.half_height:.0f})"
+        )
+    between = float(np.arccos(np.clip(a.pose[2, :3] @ wanted, -1.0, 1.0)))
+    residual = max(0.0, between - TURN_TOLERANCE) * half_length
+    text = f"{a.name} is {np.degrees(between):.0f} degrees from where a turn by {np.degrees(angle):.0f} would take it"
+    return TermJudgement(residual == 0.0, residual, text)

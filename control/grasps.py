@@ -10,12 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.goal_predicates import PosedObject
+from control.gripper import PANDA_HAND, GripperModel
 from control.safety import SafetyLimits
 
-MAX_OPENING = 0.08  # [m] between the pads of the Franka hand
 PITCHES = np.radians([90.0, 75.0, 60.0, 45.0, 32.0, 25.0])
-FINGERTIP = 0.0095  # [m] that the fingertips reach past the tool centre point (Franka hand)
-PALM_ROOM = 0.030  # [m] from the tool centre point to 7 mm in front of the palm (Franka hand: 37 mm to the palm)
 LEAST_HOLD = 0.010  # [m] of the object that lies between the pads at least
 SHALLOWER = 0.010  # [m]: a second, shallower grasp keeps the hand further from what stands beside the object
 ABOVE_TABLE = 0.004  # [m] of room under the fingertips, for errors of perceived heights
@@ -90,7 +88,13 @@ def graspable_width(body: PosedObject) -> float:
     return min(widths, default=float(np.min(body.extents)))
 
 
-def grasps(body: PosedObject, safety: SafetyLimits, support_height: float, offer: Offer = USUAL) -> list[Grasp]:
+def grasps(
+    body: PosedObject,
+    safety: SafetyLimits,
+    support_height: float,
+    offer: Offer = USUAL,
+    gripper: GripperModel = PANDA_HAND,
+) -> list[Grasp]:
     """All grasps of an object that its width allows, steepest first; reach and collisions are for others to judge.
 
     Args:
@@ -98,8 +102,9 @@ def grasps(body: PosedObject, safety: SafetyLimits, support_height: float, offer
         safety: For the clearance between open fingers and what they go around.
         support_height: Height of the table top in [m], below which no fingertip goes.
         offer: How many.
+        gripper: What takes it.
     """
-    widest = MAX_OPENING - 2 * safety.finger_clearance
+    widest = gripper.widest(safety.finger_clearance)
     out: list[Grasp] = []
     for closing, width in _closings(body, offer.azimuths):
         if width > widest:
@@ -109,7 +114,7 @@ def grasps(body: PosedObject, safety: SafetyLimits, support_height: float, offer
             rotation = tcp_frame(approach, closing)
             out += [
                 Grasp(pose(rotation, point), approach, width, float(pitch))
-                for point in _points(body, approach, closing, safety, support_height, offer.raises)
+                for point in _points(body, approach, closing, gripper, safety, support_height, offer.raises)
             ]
     return sorted(out, key=lambda g: -g.pitch)
 
@@ -145,6 +150,7 @@ def _points(
     body: PosedObject,
     approach: np.ndarray,
     closing: np.ndarray,
+    gripper: GripperModel,
     safety: SafetyLimits,
     support_height: float,
     raises: int,
@@ -154,16 +160,16 @@ def _points(
     along = _support(body, side)
     shifts = [0.0] if along < 0.04 or body.shape != "box" else [0.0, 0.5 * along, -0.5 * along]
     depth = _support(body, approach)  # from the middle to the surface that the hand comes to
-    shallow = max(0.0, depth - PALM_ROOM)
+    shallow = max(0.0, depth - gripper.palm_room)
     backs = {shallow, min(shallow + SHALLOWER, max(shallow, depth - LEAST_HOLD))}
     if raises and body.shape == "sphere":
         # The pads' edges touch a ball of radius r at a height r sin(angle) above its middle.
-        highest = max(shallow, FINGERTIP + depth * float(np.sin(STEEPEST_HOLD)))
+        highest = max(shallow, gripper.pad_reach + depth * float(np.sin(STEEPEST_HOLD)))
         backs |= set(np.linspace(shallow, highest, raises).tolist())
-    lowest = support_height + FINGERTIP + safety.finger_clearance + ABOVE_TABLE
+    lowest = support_height + gripper.fingertip + safety.finger_clearance + ABOVE_TABLE
     points = [body.position - back * approach for back in sorted(backs)]
     if body.half_height > TALL:  # a tall thing can be held higher up as well
-        top = body.top - LEAST_HOLD - FINGERTIP
+        top = body.top - LEAST_HOLD - gripper.fingertip
         points += [
             np.array([*body.position[:2], body.position[2] + share * (top - body.position[2])]) for share in (0.5, 1)
         ]

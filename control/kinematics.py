@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from control.errors import ConfigError
+from control.gripper import PANDA_HAND, GripperModel
 from control.limits import REST_Q
+from control.robot_description import TCP_FRAME, arm_model
 from control.rotations import rotation_log
 
-TCP_FRAME = "panda_hand_tcp"
 # Where an iteration starts from, as changes of REST_Q (joint index from 0 → value in [rad]): turned shoulder, both
 # wrist flips, elbow out to either side, hand turned forwards. They reach different branches of the solution set.
 SEED_CHANGES: tuple[dict[int, float], ...] = (
@@ -73,11 +74,12 @@ class ArmKinematics:
     q_max: np.ndarray
 
     @classmethod
-    def from_urdf(cls, path: Path | None = None) -> "ArmKinematics":
+    def from_urdf(cls, path: Path | None = None, gripper: GripperModel = PANDA_HAND) -> "ArmKinematics":
         """Read the arm from a URDF.
 
         Args:
             path: URDF file; the Panda's of example-robot-data by default.
+            gripper: Whose tool centre point; one that is not in the URDF is mounted on the default file only.
 
         Raises:
             ConfigError: The file does not start with seven joints about z or has no frame `panda_hand_tcp`.
@@ -87,7 +89,9 @@ class ArmKinematics:
         from control.robot_files import panda_urdf
 
         file = path or panda_urdf()
-        model = pin.buildModelFromUrdf(str(file))
+        if gripper.mounting is not None and path is not None:
+            raise ConfigError(f"'{gripper.name}' can be mounted on the Panda's own URDF only, not on {file.name}")
+        model = pin.buildModelFromUrdf(str(file)) if gripper.mounting is None else arm_model(gripper, gripper.opening)
         kinds = [model.joints[i].shortname() for i in range(1, min(8, model.njoints))]
         if kinds != ["JointModelRZ"] * 7 or not model.existFrame(TCP_FRAME):
             raise ConfigError(

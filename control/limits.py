@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from control.gripper import PANDA_HAND, GripperModel
+
 JOINT_NAMES = tuple(f"panda_joint{i}" for i in range(1, 8))
 REST_Q = (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398)  # Franka's "ready" pose, in [rad]
 
@@ -52,13 +54,16 @@ class RobotLimits:
         )
 
 
-def panda_limits() -> RobotLimits:
+def panda_limits(gripper: GripperModel = PANDA_HAND) -> RobotLimits:
     """Published limits of the Franka Emika Panda (interface version 5).
+
+    The profile names a gripper that is not the Panda's own hand, so that nothing planned for one gripper is played
+    with another.
 
     Source: Franka Control Interface documentation, "Robot and interface specifications", Panda.
     """
     return RobotLimits(
-        profile="panda/5",
+        profile="panda/5" if gripper == PANDA_HAND else f"panda/5+{gripper.name}",
         q_min=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
         q_max=np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]),
         qd=np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61]),

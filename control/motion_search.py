@@ -12,13 +12,14 @@ from itertools import islice
 
 import numpy as np
 
+from control.batches import Observer
 from control.candidates import Candidate, candidates
 from control.collision_filter import Phase
 from control.contradictions import refuse_contradictions
 from control.early_refusals import start_contact, too_high
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
-from control.grasps import MAX_OPENING, graspable_width
+from control.grasps import graspable_width
 from control.kinematics import ArmKinematics
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan, MotionStats
@@ -28,7 +29,7 @@ from control.rewards import PALM, RewardSpec
 from control.rewards_cost import Score, score_motion
 from control.rollouts import Rollout, commands_for, record_motion, roll_out
 from control.safety import SafetyLimits
-from control.subtasks import Subtask, posed_objects, read_subtask
+from control.subtasks import Subtask, posed_objects, read_subtask, unseen
 from control.trajectory import JointPath, PathSegment
 from control.twin_model import TwinModel
 from control.workbench import Workbench, path_length
@@ -63,6 +64,7 @@ def plan_motion(
     max_rollouts: int = 24,
     nthread: int = 2,
     variants: Sequence[TwinModel] = (),
+    observe: Observer | None = None,
 ) -> MotionPlan | FailureCause:
     """Find a motion that meets a spec's primary term in the twin and keeps every safety residual.
 
@@ -76,6 +78,7 @@ def plan_motion(
         nthread: Threads for simulation.
         variants: Perturbed twins of the same layout. Where given, the best few plans are tried in them as well and the
             one that succeeds most often is chosen.
+        observe: Told of each batch of motions that is simulated.
 
     Returns:
         The plan; or why there is none: `not_seen`, `no_candidate` (with counts of where candidates were lost) or
@@ -87,13 +90,13 @@ def plan_motion(
     began = time.perf_counter()
     task = read_subtask(spec)
     refuse_contradictions(spec, twin)
-    arm = kinematics or ArmKinematics.from_urdf()
+    arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
     hindrance = _hindrance(twin, spec, task, safety) or _closed(twin, task) or too_high(twin, task, arm)
     if hindrance is not None:
         return hindrance
     limits = panda_limits()
     bench = Workbench(twin, task, safety, limits, arm, rng)
-    search = _Search(bench, spec, nthread)
+    search = _Search(bench, spec, nthread, observe)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
     judged = judge_term(
         spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height, twin.joint_fractions()
@@ -122,8 +125,8 @@ def plan_motion(
 class _Search:
     """The simulated candidates of one search."""
 
-    def __init__(self, bench: Workbench, spec: RewardSpec, nthread: int) -> None:
-        self.bench, self.spec, self.nthread = bench, spec, nthread
+    def __init__(self, bench: Workbench, spec: RewardSpec, nthread: int, observe: Observer | None) -> None:
+        self.bench, self.spec, self.nthread, self.observe = bench, spec, nthread, observe
         self.tried: list[Tried] = []
         self.steps = 0
         table = safety_residuals(replace(bench.safety, settle_time=SETTLE_IN_SEARCH))
@@ -159,7 +162,7 @@ class _Search:
         wins = []
         for tried in few:
             commands = [commands_for(tried.candidate.segments, v, self.bench.limits) for v in variants]
-            rollouts, steps = roll_out(variants, commands, self.nthread)
+            rollouts, steps = roll_out(variants, commands, self.nthread, observe=self.observe)
             self.steps += steps
             scores = [self._score(r, v, tried.candidate) for r, v in zip(rollouts, variants, strict=True)]
             wins.append(sum(s.success + s.clean for s in scores))
@@ -169,7 +172,7 @@ class _Search:
     def _simulate(self, group: list[Candidate]) -> list[Tried]:
         bench = self.bench
         commands = [commands_for(c.segments, bench.twin, bench.limits) for c in group]
-        rollouts, steps = roll_out([bench.twin] * len(group), commands, self.nthread)
+        rollouts, steps = roll_out([bench.twin] * len(group), commands, self.nthread, observe=self.observe)
         self.steps += steps
         return [Tried(c, self._score(r, bench.twin, c)) for c, r in zip(group, rollouts, strict=True)]
 
@@ -184,16 +187,10 @@ class _Search:
 
 def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyLimits) -> FailureCause | None:
     """What rules out a motion before any search."""
+    missing = unseen(twin, spec)
+    if missing is not None:
+        return missing
     subject = task.subject or task.target or "palm"
-    for term in spec.terms:
-        for name in term.names:
-            if term.kind == "set_joint_fraction":
-                if twin.joint(name) is None:
-                    known = sorted(j.name for j in twin.joints)
-                    return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")
-            elif twin.get(name) is None:
-                seen = sorted(o.name for o in twin.objects)
-                return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {seen}")
     if task.subject is None:
         return None
     if twin.held is not None and twin.held != task.subject:
@@ -208,7 +205,9 @@ def _hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyL
         if not thing.movable:
             return FailureCause("no_candidate", subject, f"'{subject}' is fixed and cannot be carried")
         width = graspable_width(posed_objects(twin, twin.start())[task.subject])
-        widest = MAX_OPENING - 2 * safety.finger_clearance
+        if thing.handle is not None:
+            width = min(width, 2 * thing.handle.half_width)
+        widest = twin.gripper.widest(safety.finger_clearance)
         if width > widest:
             return FailureCause(
                 "no_candidate",
@@ -312,7 +311,8 @@ def _lost_at(bench: Workbench, subject: str) -> str:
             f"'{subject}' is out of reach: it is {distance:.2f} m away from the base, and the arm reaches none of "
             f"{counts['grasps']} ways to take it"
         )
-    if counts["grasps_reachable"] and not counts["grasps_free"]:
+    out_of_way = task.manipulation == "drive" and not counts["drives_rough"]
+    if counts["grasps_reachable"] and not counts["grasps_free"] and not out_of_way:
         return (
             f"'{subject}' cannot be taken: all {counts['grasps_reachable']} reachable grasps come too close to {near}"
         )
@@ -321,8 +321,8 @@ def _lost_at(bench: Workbench, subject: str) -> str:
     if task.manipulation == "drive":
         if not counts["drives_free"]:
             return (
-                f"'{subject}' cannot be driven as far as asked: none of {counts['grasps_free']} free holds of its "
-                f"handle can be taken along, near {near}"
+                f"'{subject}' cannot be driven as far as asked: none of {counts['drives_tried']} ways to take its "
+                f"handle along is free, near {near}"
             )
         return f"no free way to or from the handle of '{subject}', near {near}"
     if task.releases and not counts["places"]:

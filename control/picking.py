@@ -1,8 +1,9 @@
-"""Grasps that the arm can really reach: free on the way in, around the object, and while lifting it.
+"""Grasps that the arm can really reach: free on the way in, around the object, and on its way out.
 
-There are two manners of taking something. The usual one keeps well off everything. Only where it finds nothing, hands
-are tried that come between close walls: more directions, higher holds, fingers that open less; and where that is not
-enough, a smaller planning margin on the last stretch. All keep the clearances of the safety table.
+There are three manners of taking something. The usual one keeps well off everything; things with a handle are taken by
+it as well. Only where it finds nothing, hands are tried that come between close walls: more directions, higher holds,
+fingers that open less; and where that is not enough, a smaller planning margin on the last stretch. At last a level
+hand takes the object from the side. All keep the clearances of the safety table.
 """
 
 from dataclasses import dataclass
@@ -10,14 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.collision_filter import CollisionFilter, Held, Phase
+from control.extraction import WayOut, ways_out
 from control.goal_predicates import PosedObject
-from control.grasps import BETWEEN_WALLS, MAX_OPENING, USUAL, Grasp, Offer, grasps
+from control.grasps import BETWEEN_WALLS, USUAL, Grasp, grasps
 from control.limits import REST_Q
+from control.rotations import rolled
+from control.side_grasps import grasps_by_handle, grasps_from_the_side
 from control.trajectory import GripperCommand, PathSegment
 from control.workbench import Workbench, straight_targets
 
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
-LIFT = 0.06  # [m] straight up after a grasp, and straight down before a release
 SPARE_OPENING = 0.022  # [m] that fingers open beyond an object where they cannot open fully
 # The same between close walls, in steps down to what the finger clearance on either side leaves.
 NARROWER_OPENINGS = (0.022, 0.016, 0.012, 0.009)
@@ -25,6 +28,8 @@ LEAST_SPARE = 0.002  # [m] that an opening is wider than an object and its finge
 NARROW_WEIGHT = 20.0  # [rad/m], of fingers that open less than fully, in the choice between close walls
 MOST_READY = 24  # grasps that are looked for; more would only be joined with the same places
 ASIDE_WEIGHT = 20.0  # [rad/m], of a grasp off the object's middle
+LEAST_DOWN = 0.2  # least downward part of the approach direction where an object is put down
+OUT_WEIGHT = 5.0  # [rad/m], of a way out that is longer than the shortest one
 SLOW, MEDIUM = 0.4, 0.7  # shares of the allowed speed near contacts
 
 
@@ -36,7 +41,7 @@ class ReadyGrasp:
         grasp: Which one; None when the object is in the hand already.
         q: Arm at the grasp in [rad], shape (7,).
         arrive: From pre-grasp to grasp, shape (n, 7); empty when the object is in the hand.
-        lift: From grasp upwards, shape (m, 7).
+        lift: From grasp upwards, or out of what the object stands in, shape (m, 7).
         held: How the object lies in the hand.
         opening: Distance between the pads on the way in, in [m].
         width: Distance between the pads around the object in [m].
@@ -62,22 +67,25 @@ def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
     body = bench.objects[subject]
     if bench.twin.held == subject:
         return [_already_held(bench, body)]
-    out = _usual(bench, body)
+    outs = ways_out(bench)
+    out = _usual(bench, body, outs)
     if not out and bench.counts["grasps_reachable"]:
-        out = _between_walls(bench, body)
+        out = _between_walls(bench, body, outs)
+    if not out:
+        out = _from_the_side(bench, body, outs)
     bench.counts["grasps_free"] += len(out)
     return out
 
 
 @dataclass(frozen=True)
 class _Ways:
-    """Grasps that the arm reaches along straight ways in and up; row by row.
+    """Grasps that the arm reaches along straight ways in and out; row by row.
 
     Attributes:
         grasps: Which grasps.
         q: Arm at the grasp in [rad], shape (n, 7).
         outwards: From the grasp to the pre-grasp, n arrays of shape (k, 7).
-        upwards: From the grasp to the lifted pose, n arrays of shape (m, 7).
+        upwards: From the grasp to where the object has come free, n arrays of shape (m, 7).
         efforts: Lower is better, shape (n,).
     """
 
@@ -88,22 +96,38 @@ class _Ways:
     efforts: np.ndarray
 
 
-def _usual(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
+def _usual(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """Least effort first, with fully open fingers wherever there is room."""
-    ways = _ways(bench, body, USUAL)
+    offered = grasps(body, bench.safety, bench.twin.support_height, USUAL, bench.twin.gripper)
+    thing = bench.twin.get(body.name)
+    if thing is not None and thing.handle is not None:
+        offered += grasps_by_handle(thing.handle, body.pose)
+    return _easiest(bench, body, _ways(bench, body, offered, outs))
+
+
+def _from_the_side(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
+    """With one finger above and one below, where there is room for the hand."""
+    offered = grasps_from_the_side(body, bench.safety, bench.twin.gripper)
+    return _easiest(bench, body, _ways(bench, body, offered, outs)) if offered else []
+
+
+def _easiest(bench: Workbench, body: PosedObject, ways: _Ways) -> list[ReadyGrasp]:
+    """Up to `MOST_READY` of some ways that are free, least effort first."""
+    widest = bench.twin.gripper.opening
     out: list[ReadyGrasp] = []
     for i in np.argsort(ways.efforts, kind="stable"):
-        width = ways.grasps[i].width
-        ready = _ready(bench, body, ways, int(i), (MAX_OPENING, min(MAX_OPENING, width + SPARE_OPENING)), bench.filter)
+        openings = (widest, min(widest, ways.grasps[i].width + SPARE_OPENING))
+        ready = _ready(bench, body, ways, int(i), openings, bench.filter)
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break
     return out
 
 
-def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
+def _between_walls(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """With the whole planning margin where that finds something, else with the small one next to the grasp."""
-    ways = _ways(bench, body, BETWEEN_WALLS)
+    offered = grasps(body, bench.safety, bench.twin.support_height, BETWEEN_WALLS, bench.twin.gripper)
+    ways = _ways(bench, body, offered, outs)
     bench.counts["looks_between_walls"] += 1
     out = _roomiest(bench, body, ways, bench.filter)
     if not out:
@@ -116,14 +140,15 @@ def _between_walls(bench: Workbench, body: PosedObject) -> list[ReadyGrasp]:
 
 def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: CollisionFilter) -> list[ReadyGrasp]:
     """Least effort first, where fingers that open less count as effort: these may touch what is wider than it seems."""
+    widest = bench.twin.gripper.opening
     least = 2 * bench.safety.finger_clearance + LEAST_SPARE
     spares = [s for s in NARROWER_OPENINGS if s > least] + [least]
     rows: list[tuple[float, int, tuple[float, ...]]] = []
     for i, grasp in enumerate(ways.grasps):
-        openings = (MAX_OPENING, *(grasp.width + s for s in spares if grasp.width + s < MAX_OPENING))
+        openings = (widest, *(grasp.width + s for s in spares if grasp.width + s < widest))
         free = tuple(o for o in openings if check.clear(ways.q[i], Phase.GRASP, o))
         if free:
-            rows.append((ways.efforts[i] + NARROW_WEIGHT * (MAX_OPENING - free[0]), i, free))
+            rows.append((ways.efforts[i] + NARROW_WEIGHT * (widest - free[0]), i, free))
     out: list[ReadyGrasp] = []
     for _, i, openings in sorted(rows):
         ready = _ready(bench, body, ways, i, openings, check)
@@ -133,27 +158,42 @@ def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: Collision
     return out
 
 
-def _ways(bench: Workbench, body: PosedObject, offer: Offer) -> _Ways:
-    """Grasps of an offer that the arm reaches, comes to and lifts from in straight lines."""
-    offered = grasps(body, bench.safety, bench.twin.support_height, offer)
+def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[WayOut]) -> _Ways:
+    """Of some grasps those that the arm reaches, comes to, and from which it follows a way out, in straight lines."""
+    offered = [g for g in offered if _points_down_later(bench, body, g)]
     bench.counts["grasps"] += len(offered)
     owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
     bench.counts["grasps_reachable"] += len(set(owners.tolist()))
     chosen = [offered[i] for i in owners]
-    outwards, ok_out = bench.follow(
-        solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.approach) for g in chosen]
+    outwards, ok = bench.follow(solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.approach) for g in chosen])
+    rows = [(int(i), out) for out in outs for i in np.flatnonzero(ok)]
+    upwards, followed = bench.follow(
+        np.array([solutions[i] for i, _ in rows]).reshape(-1, 7),
+        [out.targets(chosen[i].world_T_tcp) for i, out in rows],
     )
-    up = np.array([0.0, 0.0, LIFT])
-    upwards, ok_up = bench.follow(solutions, [straight_targets(g.world_T_tcp, up) for g in chosen])
-    rows = np.flatnonzero(ok_out & ok_up)
-    bench.counts["grasps_followed"] += len(rows)
+    kept = np.flatnonzero(followed)
+    bench.counts["grasps_followed"] += len(kept)
+    shortest = min(out.length for out in outs)
+    efforts = [
+        _effort(bench, solutions[rows[k][0]], chosen[rows[k][0]], body) + OUT_WEIGHT * (rows[k][1].length - shortest)
+        for k in kept
+    ]
     return _Ways(
-        [chosen[i] for i in rows],
-        solutions[rows],
-        [outwards[i] for i in rows],
-        [upwards[i] for i in rows],
-        np.array([_effort(bench, solutions[i], chosen[i], body) for i in rows]),
+        [chosen[rows[k][0]] for k in kept],
+        np.array([solutions[rows[k][0]] for k in kept]).reshape(-1, 7),
+        [outwards[rows[k][0]] for k in kept],
+        [upwards[k] for k in kept],
+        np.array(efforts),
     )
+
+
+def _points_down_later(bench: Workbench, body: PosedObject, grasp: Grasp) -> bool:
+    """Whether the hand still points downwards when the object has been turned over in it, where that is asked for."""
+    task = bench.subtask
+    if task.manipulation != "turn":
+        return True
+    turned = rolled(body.pose, 0, float(task.term.value or 0.0))[:3, :3]
+    return bool((turned @ body.pose[:3, :3].T @ grasp.approach)[2] < -LEAST_DOWN)
 
 
 def _ready(
@@ -168,7 +208,7 @@ def _ready(
     lift = np.vstack([q[None], ways.upwards[i]])
     if not bench.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
         return None
-    if not near.path_clear(lift, Phase.CONTACT, grasp.width, held):
+    if not near.path_clear(lift, Phase.EXTRACT, grasp.width, held):
         return None
     return ReadyGrasp(grasp, q, np.vstack([outwards[::-1], q[None]]), lift, held, opening, grasp.width)
 
@@ -215,10 +255,12 @@ def diverse(ready: list[ReadyGrasp], count: int) -> list[ReadyGrasp]:
 def _already_held(bench: Workbench, body: PosedObject) -> ReadyGrasp:
     tcp = bench.filter.tcp_pose(bench.start_q)
     lift = bench.start_q[None]
-    if bench.supports:  # it still stands on something: lift it off first
-        up, ok = bench.follow(bench.start_q[None], [straight_targets(tcp, np.array([0.0, 0.0, LIFT]))])
-        if ok[0]:
-            lift = np.vstack([lift, up[0]])
+    if bench.supports:  # it still stands on something: take it off first
+        for out in ways_out(bench):
+            up, ok = bench.follow(bench.start_q[None], [out.targets(tcp)])
+            if ok[0]:
+                lift = np.vstack([lift, up[0]])
+                break
     bench.counts["grasps"] += 1
     bench.counts["grasps_free"] += 1
     width = bench.twin.gripper_width

@@ -10,6 +10,7 @@ from control.safety import SafetyLimits
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
 TURNS = 12  # turns about the vertical that are offered
 DROPS = (0.0, 0.015, 0.03, 0.045)  # [m] above the lowest place in a container, for hands that cannot reach down into it
+QUARTERS = np.array([0.0, np.pi / 2, -np.pi / 2])
 DEPTHS = (0.12, 0.09, 0.15)  # [m] behind an opening that are offered, for the object's centre
 WALL_GAP = 0.03  # [m] between an object put into furniture and its walls, for the fingers
 BESIDE = 6  # places beside the centre that are offered
@@ -55,6 +56,7 @@ def away_from(
     support_height: float,
     rng: np.random.Generator,
     count: int = 24,
+    turns: np.ndarray = QUARTERS,
 ) -> list[Placement]:
     """Free places of `a` on the table at a horizontal `distance` [m] or more from `other`, nearest to `a` first.
 
@@ -66,9 +68,10 @@ def away_from(
         safety: For the workspace.
         support_height: Height of the table top in [m].
         rng: Source of randomness.
-        count: Most places to return.
+        count: Most spots to return.
+        turns: Turns about the vertical at each spot in [rad], shape (n,), on top of the arm's own swing.
     """
-    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    radius = float(np.hypot(*_level_sizes(a))) / 2
     low = np.asarray(safety.workspace_low)[:2] + radius
     high = np.asarray(safety.workspace_high)[:2] - radius
     spots = rng.uniform(low, high, (400, 2))
@@ -87,9 +90,15 @@ def away_from(
         # The hand turns with the arm, so the object may as well.
         swing = np.arctan2(position[1], position[0]) - np.arctan2(a.position[1], a.position[0])
         far = float(np.linalg.norm(spots[i] - a.position[:2]))
-        for turn in (swing, 0.0, swing + np.pi / 2, swing - np.pi / 2):
+        for turn in (swing + turns[0], 0.0, *(swing + turns[1:])):
             out.append(Placement(turned(a.pose, float(turn), position), far, f"{far:.2f} m away"))
     return out
+
+
+def _level_sizes(a: PosedObject) -> np.ndarray:
+    """Full sizes along the object's two most level axes in [m], shape (2,)."""
+    upright = int(np.argmax(np.abs(a.pose[2, :3])))
+    return np.delete(np.asarray(a.extents, float), upright)
 
 
 def _turns(a: PosedObject, position: np.ndarray) -> np.ndarray:
@@ -101,7 +110,7 @@ def _turns(a: PosedObject, position: np.ndarray) -> np.ndarray:
 
 def _on_top(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """On a flat top: with its whole base carried where b is larger, over b's middle where it is smaller."""
-    base = float(np.min(np.asarray(a.extents)[:2])) / 2
+    base = float(np.min(_level_sizes(a))) / 2
     room = np.maximum(np.asarray(b.extents)[:2] / 2 - max(base, EDGE_MARGIN), 0.0)
     height = b.top + a.half_height + RELEASE_GAP
     axes = b.pose[:2, :2]
@@ -128,7 +137,7 @@ def _behind_opening(a: PosedObject, b: PosedObject, inside: Inside, rng: np.rand
     along = int(np.argmax(np.abs(inside.outward)))
     across = 1 - along
     edge = inside.low[along] if inside.outward[along] < 0 else inside.high[along]
-    radius = float(np.hypot(*np.asarray(a.extents)[:2])) / 2
+    radius = float(np.hypot(*_level_sizes(a))) / 2
     middle = (inside.low[across] + inside.high[across]) / 2
     room = max(0.0, (inside.high[across] - inside.low[across]) / 2 - radius - WALL_GAP)
     height = float(b.position[2]) + float(inside.low[2]) + a.half_height + RELEASE_GAP
@@ -150,7 +159,7 @@ def _behind_opening(a: PosedObject, b: PosedObject, inside: Inside, rng: np.rand
 
 def _inside(a: PosedObject, b: PosedObject, rng: np.random.Generator) -> list[Placement]:
     """In a container: as low as its floor, or let go higher up where hand and rim would meet."""
-    radius = float(np.min(np.asarray(a.extents)[:2])) / 2
+    radius = float(np.min(_level_sizes(a))) / 2
     room = max(0.0, b.inner_radius - radius - 0.005)
     offsets = [np.zeros(2)]
     for _ in range(BESIDE):

@@ -5,17 +5,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.collision_filter import Phase
-from control.grasps import MAX_OPENING
+from control.extraction import LIFT
+from control.goal_predicates import PosedObject
 from control.limits import REST_Q, RobotLimits
-from control.picking import BACK_OFF, LIFT, SPARE_OPENING, ReadyGrasp
+from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp
 from control.placements import Placement, away_from, on_or_in
+from control.rotations import rolled
 from control.workbench import Workbench, straight_targets
 
-STEEPEST = 0.2  # least downward part of the approach direction at a place: the hand must not point up
 ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
 BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
 ABOVE_RIM = 0.02  # [m] between a container's rim and the object brought over it
 NARROW_OPENING = 0.010  # [m] beyond the object: the least release
+LEVEL_HAND = 0.35  # downward part of the approach direction of a hand that cannot put things on a table
+HEADINGS = 8  # of a thing that is turned over, about the vertical
+AT_ONE_SPOT = 12  # places that are offered together
 AT_ONCE = 60  # combinations that are checked together; more only where none of them is free
 
 
@@ -36,17 +40,52 @@ class ReadyPlace:
     opening: float
 
 
-def offered_places(bench: Workbench) -> list[Placement]:
-    """Poses in which the subject would meet the primary term, best first."""
+def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]:
+    """Poses in which the subject would meet the primary term, best first.
+
+    Args:
+        bench: Surroundings of the search.
+        ready: How it can be taken: what only a level hand takes has to be rolled until the hand points down.
+    """
+    body = bench.objects[str(bench.subtask.subject)]
+    attitudes = [replace(body, pose=pose) for pose in _attitudes(bench, body, ready)]
+    offered = [_places_of(bench, a) for a in attitudes]
+    # All attitudes at one spot before the next spot.
+    longest = max(map(len, offered))
+    turns = max(1, AT_ONE_SPOT // len(offered))
+    mixed = [p for first in range(0, longest, turns) for places in offered for p in places[first : first + turns]]
+    return mixed if len(offered) > 1 else offered[0]
+
+
+def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
+    """The same for one attitude of the subject."""
     task = bench.subtask
-    body = bench.objects[str(task.subject)]
     if task.manipulation == "place":
         places = on_or_in(body, bench.objects[str(task.target)], bench.rng)
         return sorted(places, key=lambda p: p.preference)
     others = [o for name, o in bench.objects.items() if name != task.subject]
+    if task.manipulation == "turn":  # near where it stands, on the table, in any heading
+        turns = np.arange(HEADINGS) * 2 * np.pi / HEADINGS
+        height = bench.twin.support_height
+        return away_from(body, body.position, -np.inf, others, bench.safety, height, bench.rng, turns=turns)
     at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
     distance = float(task.term.value or 0.0)
     return away_from(body, at, distance, others, bench.safety, bench.twin.support_height, bench.rng)
+
+
+def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
+    """Poses of the subject where it is, in the attitudes in which it may be put down."""
+    task = bench.subtask
+    if task.manipulation == "turn":
+        return [rolled(body.pose, 0, float(task.term.value or 0.0))]
+    thing = bench.twin.get(body.name)
+    has_handle = thing is not None and thing.handle is not None
+    down = [-(body.pose @ np.linalg.inv(g.held.tcp_T_object))[2, 2] for g in ready]
+    if body.shape != "box" or body.container or has_handle or max(down, default=1.0) > LEVEL_HAND:
+        return [body.pose]
+    upright = int(np.argmax(np.abs(body.pose[2, :3])))
+    longest = max((i for i in range(3) if i != upright), key=lambda i: body.extents[i])
+    return [rolled(body.pose, longest, angle) for angle in (np.pi / 2, -np.pi / 2)] + [body.pose]
 
 
 def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placement]) -> list[tuple[int, ReadyPlace]]:
@@ -58,14 +97,17 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
         lifted = bench.filter.tcp_pose(grasp.lift[-1])
         for j, place in enumerate(places):
             target = place.world_T_object @ object_T_tcp
-            if -target[2, 2] < STEEPEST:
+            if -target[2, 2] < LEAST_DOWN:
                 continue
             index.append((i, j))
             targets.append(target)
             seeds.append(_swung(grasp.lift[-1], lifted, target, bench.limits))
     if not index:
         return []
-    owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
+    if bench.subtask.manipulation == "turn":  # the hand ends in quite another posture
+        owners, solutions = bench.solve(np.array(targets))
+    else:
+        owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
     bench.counts["places_reachable"] += len(owners)
     out: list[tuple[int, ReadyPlace]] = []
     effort = [
@@ -154,8 +196,8 @@ def _free_place(
         return None
     if not check.path_clear(up[:-1], Phase.CONTACT, grasp.width, grasp.held):
         return None
-    at = place.world_T_object
-    for opening in (MAX_OPENING, min(MAX_OPENING, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
+    at, widest = place.world_T_object, bench.twin.gripper.opening
+    for opening in (widest, min(widest, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
         if not check.clear(q, Phase.GRASP, opening, at):
             continue
         for leave in [back, up] if back is not None else [up]:

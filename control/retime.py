@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.errors import RetimingError
+from control.gripper import GripperModel
 from control.limits import RobotLimits
 from control.path_smoothing import distinct_waypoints
 from control.robot import RobotModel
@@ -24,6 +25,7 @@ from control.trajectory import (
     TrajectorySegment,
 )
 
+STROKE_SLACK = 0.15  # [s] beyond a full stroke: starting, coming to rest and noticing it
 JOIN_TOLERANCE = 1e-6  # [rad] between the end of one segment and the start of the next
 
 
@@ -106,7 +108,7 @@ def retime_with_report(
             stretches.append(TrajectorySegment(segment.name, start, count, segment.held, segment.touching))
         if segment.gripper is not None:
             start = count if stretches else 0
-            dwell = _dwell(segment.gripper, options)
+            dwell = _dwell(segment.gripper, options, robot.gripper)
             events.append(GripperEvent((count - 1) * SAMPLE_TIME, dwell, segment.gripper))
             rest = int(np.ceil(dwell / SAMPLE_TIME - 1e-6))
             pieces.append(np.repeat(q[-1:], rest, axis=0))
@@ -129,8 +131,10 @@ def retime_with_report(
     return trajectory, RetimingReport(tuple(reports))
 
 
-def _dwell(command: GripperCommand, options: RetimingOptions) -> float:
-    return options.grasp_dwell if command.kind == "grasp" else options.move_dwell
+def _dwell(command: GripperCommand, options: RetimingOptions, gripper: GripperModel) -> float:
+    """Time in [s] for a command: a slow gripper needs longer than usual for its whole stroke."""
+    usual = options.grasp_dwell if command.kind == "grasp" else options.move_dwell
+    return max(usual, round(gripper.full_stroke + STROKE_SLACK, 3))
 
 
 def _checked_waypoints(

@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 
 from control.errors import ConfigError
+from control.gripper import PANDA_HAND, GripperModel
 from control.limits import JOINT_NAMES
-from control.robot_files import panda_urdf
-
-TCP_FRAME = "panda_hand_tcp"
-MAX_FINGER = 0.04  # [m], travel of one finger; the width between the pads is twice that
+from control.robot_description import TCP_FRAME, arm_model
 
 
 class RobotModel:
@@ -21,12 +19,13 @@ class RobotModel:
     Args:
         model: Pinocchio model with exactly the seven arm joints, in the order of JOINT_NAMES.
         tcp_frame: Name of the frame of the tool centre point.
+        gripper: What hangs at the flange; the model contains it already.
 
     Raises:
         ConfigError: The model has other joints, or no such frame.
     """
 
-    def __init__(self, model: Any, tcp_frame: str = TCP_FRAME) -> None:
+    def __init__(self, model: Any, tcp_frame: str = TCP_FRAME, gripper: GripperModel = PANDA_HAND) -> None:
         import pinocchio  # pyright: ignore[reportMissingImports] -- its path is added by a .pth file
 
         joints = tuple(model.names)[1:]
@@ -34,6 +33,7 @@ class RobotModel:
             raise ConfigError(f"the robot model has joints {joints}; it needs exactly {JOINT_NAMES}")
         if not model.existFrame(tcp_frame):
             raise ConfigError(f"the robot model has no frame '{tcp_frame}'; it has {[f.name for f in model.frames]}")
+        self.gripper = gripper
         self._pin = pinocchio
         self._model = model
         self._data = model.createData()
@@ -44,14 +44,16 @@ class RobotModel:
         cls,
         payload_mass: float = 0.0,
         payload_com: Sequence[float] = (0.0, 0.0, 0.0),
-        finger_width: float = 0.08,
+        finger_width: float | None = None,
+        gripper: GripperModel = PANDA_HAND,
     ) -> "RobotModel":
-        """The Panda with its hand, as example-robot-data describes it.
+        """The Panda as example-robot-data describes it, with its hand or another gripper in its place.
 
         Args:
             payload_mass: Mass of a carried object in [kg], taken as a point.
             payload_com: Its centre of mass in the tcp frame in [m], shape (3,).
-            finger_width: Distance between the pads in [m] at which the fingers are locked, 0..0.08.
+            finger_width: Distance between the pads in [m] at which the fingers are locked; open by default.
+            gripper: What hangs at the flange.
 
         Raises:
             ConfigError: A mass or width out of range, or the description is not installed.
@@ -60,19 +62,20 @@ class RobotModel:
 
         if not (np.isfinite(payload_mass) and payload_mass >= 0.0):
             raise ConfigError(f"payload_mass is {payload_mass} kg; it must be a number >= 0")
-        if not 0.0 <= finger_width <= 2 * MAX_FINGER:
-            raise ConfigError(f"finger_width is {finger_width} m; the hand opens from 0 to {2 * MAX_FINGER} m")
-        full = pinocchio.buildModelFromUrdf(str(panda_urdf()))
-        fingers = [name for name in full.names if "finger" in name]
-        reference = pinocchio.neutral(full)
-        for name in fingers:
-            reference[full.joints[full.getJointId(name)].idx_q] = finger_width / 2
-        model = pinocchio.buildReducedModel(full, [full.getJointId(name) for name in fingers], reference)
+        width = gripper.opening if finger_width is None else finger_width
+        if not 0.0 <= width <= gripper.opening:
+            raise ConfigError(f"finger_width is {width} m; the hand opens from 0 to {gripper.opening} m")
+        model = arm_model(gripper, width)
         if payload_mass > 0.0:
             frame = model.frames[model.getFrameId(TCP_FRAME)]
             point = pinocchio.Inertia(payload_mass, np.asarray(payload_com, float), np.zeros((3, 3)))
             model.inertias[frame.parentJoint] += frame.placement.act(point)
-        return cls(model)
+        return cls(model, gripper=gripper)
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole robot in [kg], base, gripper and payload included."""
+        return float(sum(inertia.mass for inertia in self._model.inertias))
 
     def tcp_pose(self, q: np.ndarray) -> np.ndarray:
         """Pose of the tool centre point, base_T_tcp, shape (4, 4), at joint positions in [rad], shape (7,)."""

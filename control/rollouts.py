@@ -6,13 +6,14 @@ are recomputed from recorded states (`mj_forward`), only for motions that are wo
 """
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from mujoco import batch as mjbatch
 
+from control.batches import Observer, SimulatedBatch, simulate
 from control.collision_filter import body_name, subtree_root
 from control.limits import RobotLimits
 from control.residuals import Contacts, HeldSpan, TwinMotion
@@ -31,7 +32,6 @@ from control.twin_model import (
 )
 from control.zones import RobotPoints, RobotTrack
 
-FINGER_SPEED = 0.05  # [m/s] of each finger; the Franka hand closes its 80 mm in about 0.8 s
 GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come to rest
 END_SETTLE = 0.2  # [s] at the end of a rollout
 SEARCH_SPEED = 0.6  # share of the joint speed limits in search; retiming is slower, so grasps that hold here hold there
@@ -123,7 +123,7 @@ def squeeze(twin: TwinModel, command: GripperCommand | None) -> float:
 def gripper_ramp(twin: TwinModel, at: float, command: GripperCommand, dt: float) -> np.ndarray:
     """Finger targets in [m] from where the fingers are to what a command asks for, at their speed, shape (n >= 1,)."""
     goal = squeeze(twin, command) if command.kind == "grasp" else command.width / 2
-    count = max(1, int(np.ceil(abs(goal - at) / FINGER_SPEED / dt)))
+    count = max(1, int(np.ceil(abs(goal - at) / twin.gripper.planned_speed / dt)))
     return at + (goal - at) * np.arange(1, count + 1) / count
 
 
@@ -176,7 +176,11 @@ class Rollout:
 
 
 def roll_out(
-    twins: Sequence[TwinModel], motions: Sequence[Commands], nthread: int, step: float | None = None
+    twins: Sequence[TwinModel],
+    motions: Sequence[Commands],
+    nthread: int,
+    step: float | None = None,
+    observe: Observer | None = None,
 ) -> tuple[list[Rollout], int]:
     """Simulate motion i in twin i, all of them to their end.
 
@@ -185,6 +189,7 @@ def roll_out(
         motions: What to play, with rows at the step that is simulated.
         nthread: Threads; the result does not depend on it.
         step: Time step in [s]; the models' own by default.
+        observe: Told of each batch that is simulated.
 
     Returns:
         Rollouts in the same order, and the number of simulated steps.
@@ -202,19 +207,16 @@ def roll_out(
     order = sorted(range(len(twins)), key=lambda i: len(motions[i].arm))
     for chunk in _chunks(order, CHUNK):
         longest = max(len(motions[i].arm) for i in chunk)
-        batch = mjbatch.Batch(own[chunk[0]], len(chunk), nthread)
-        if any(own[i] is not own[chunk[0]] for i in chunk):
-            batch.set_models([own[i] for i in chunk])
-        qpos, qvel, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
         inputs = np.zeros((len(chunk), longest, first.nu))
+        starts = np.empty((len(chunk), first.nq))
         for row, i in enumerate(chunk):
-            start = twins[i].start()
-            qpos[row], qvel[row], ctrl[row] = start.qpos, 0.0, start.ctrl
+            starts[row] = twins[i].start().qpos
             target = controls_for(own[i], motions[i])
             inputs[row, : len(target)] = target
             inputs[row, len(target) :] = target[-1]
-        starts = qpos.copy()
-        record = batch.rollout(longest, inputs, record=("qpos", "qvel"))
+        still = np.zeros((len(chunk), first.nv))
+        batch = SimulatedBatch(tuple(own[i] for i in chunk), starts, still, still, inputs, nthread)
+        record = simulate(batch, ("qpos", "qvel"), observe)
         steps += len(chunk) * longest
         for row, i in enumerate(chunk):
             n = len(motions[i].arm)
@@ -246,9 +248,10 @@ def record_motion(
     rows = np.unique(np.append(np.arange(0, len(rollout.time), stride), len(rollout.time) - 1))
     site = model.site(TCP_SITE).id
     bodies = {o.name: model.body(o.name).id for o in twin.objects}
+    moving = [model.body(j.body).id for j in twin.joints]
+    followed = np.array([*bodies.values(), *moving], int)
     tcp = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses = {name: np.tile(np.eye(4), (len(rows), 1, 1)) for name in bodies}
-    handles = {j.name: np.zeros((len(rows), 3)) for j in twin.joints}
+    places = np.tile(np.eye(4), (len(followed), len(rows), 1, 1))
     steps, pairs, forces = [], [], []
     names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
     # Contacts between things at rest on each other are nobody's business and most of the work.
@@ -262,22 +265,24 @@ def record_motion(
         mujoco.mj_forward(model, data)
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
         track[k] = robot.at(data)
-        for name, body in bodies.items():
-            poses[name][k, :3, :3], poses[name][k, :3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-        for joint in twin.joints:
-            body = data.body(joint.body)
-            handles[joint.name][k] = body.xpos + body.xmat.reshape(3, 3) @ joint.handle.centre
+        places[:, k, :3, :3] = data.xmat[followed].reshape(-1, 3, 3)
+        places[:, k, :3, 3] = data.xpos[followed]
         geoms = data.contact.geom[: data.ncon]
         for i in np.flatnonzero(acts[geoms].any(axis=1)):
             a, b = names[geoms[i, 0]], names[geoms[i, 1]]
             if a == b:
                 continue
             mujoco.mj_contactForce(model, data, int(i), force)
-            size = float(np.linalg.norm(force[:3]))
+            size = math.sqrt(force[:3].dot(force[:3]))
             if size > FORCE_FLOOR:
                 steps.append(k)
                 pairs.append((a, b))
                 forces.append(size)
+    poses = dict(zip(bodies, places, strict=False))
+    handles = {
+        j.name: place[:, :3, 3] + place[:, :3, :3] @ j.handle.centre
+        for j, place in zip(twin.joints, places[len(bodies) :], strict=True)
+    }
     # What is in the hand moves with it by right.
     named = spec.names | ({task.subject} if task.subject else set()) | {s.name for s in rollout.commands.held}
     return TwinMotion(

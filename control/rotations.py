@@ -62,3 +62,12 @@ def straight_poses(start: np.ndarray, end: np.ndarray, count: int) -> np.ndarray
     poses[:, :, :3, :3] = rotation_exp(share[:, None] * turn[:, None]) @ start[:, None, :3, :3]
     poses[:, :, :3, 3] = start[:, None, :3, 3] + share[:, None] * (end - start)[:, None, :3, 3]
     return poses
+
+
+def rolled(world_T_object: np.ndarray, axis: int, angle: float) -> np.ndarray:
+    """The pose (4, 4) turned in place by `angle` [rad] about one of the object's own axes, 0 to 2 for x to z."""
+    direction = np.zeros(3)
+    direction[axis] = angle
+    out = world_T_object.copy()
+    out[:3, :3] = world_T_object[:3, :3] @ rotation_exp(direction)
+    return out

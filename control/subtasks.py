@@ -11,11 +11,12 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from control.goal_predicates import Inside, PosedObject, check_supported
+from control.failure import FailureCause
+from control.goal_predicates import Inside, PosedObject
 from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
 
-Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring", "drive"]
+Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring", "drive", "turn"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class Subtask:
     Attributes:
         manipulation: `reach` the palm near an object; `rest` the palm at its rest position; `retreat` the palm away
             from something; `place` an object on or in another; `away` an object put down far from something; `lift` an
-            object held up; `bring` an object held at the rest position; `drive` a joint to a fraction by its handle.
+            object held up; `bring` an object held at the rest position; `drive` a joint to a fraction by its handle;
+            `turn` an object over and put it down near where it stood.
         subject: The object or joint that is handled, or None when only the palm moves.
         target: The other object, "palm" or "rest_position", or None.
         term: The primary term.
@@ -39,7 +41,7 @@ class Subtask:
     @property
     def releases(self) -> bool:
         """Whether the object has to be let go at the end."""
-        return self.manipulation in ("place", "away", "drive")
+        return self.manipulation in ("place", "away", "drive", "turn")
 
     @property
     def holds(self) -> bool:
@@ -48,18 +50,14 @@ class Subtask:
 
 
 def read_subtask(spec: RewardSpec) -> Subtask:
-    """The manipulation that a spec's primary term asks for.
-
-    Raises:
-        RewardSpecError: A term of the spec is of a kind that the motion search does not support yet.
-    """
-    for term in spec.terms:
-        check_supported(term)
+    """The manipulation that a spec's primary term asks for."""
     term = spec.primary
     first, second = term.subject, term.target
     places = (PALM, REST_POSITION)
     if term.kind == "set_obj_z_position":
         return Subtask("lift", first, None, term)
+    if term.kind == "set_obj_orientation":
+        return Subtask("turn", first, None, term)
     if term.kind == "set_joint_fraction":
         return Subtask("drive", first, None, term)
     if term.kind == "maximize_l2_distance":
@@ -73,6 +71,20 @@ def read_subtask(spec: RewardSpec) -> Subtask:
     if REST_POSITION in (first, second):
         return Subtask("bring", second if first == REST_POSITION else first, REST_POSITION, term)
     return Subtask("place", first, second, term)
+
+
+def unseen(twin: TwinModel, spec: RewardSpec) -> FailureCause | None:
+    """The first name of a spec that the twin does not have, as a `not_seen` cause that lists what was seen; or None."""
+    for term in spec.terms:
+        for name in term.names:
+            if term.kind == "set_joint_fraction":
+                if twin.joint(name) is None:
+                    known = sorted(j.name for j in twin.joints)
+                    return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")
+            elif twin.get(name) is None:
+                seen = sorted(o.name for o in twin.objects)
+                return FailureCause("not_seen", name, f"'{name}' has no pose; seen were {seen}")
+    return None
 
 
 def posed_objects(twin: TwinModel, data: mujoco.MjData) -> dict[str, PosedObject]:

@@ -6,6 +6,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from control.gripper import PANDA_HAND, GripperModel
+
 # Names that every MuJoCo model of ours uses for the robot (the twin's and the simulated cell's alike).
 ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
 FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
@@ -147,6 +149,7 @@ class TwinModel:
         scene_stamp: Time of the frame that it was built from in [s].
         joints: Joints of furniture that a robot can drive; the furniture itself is among `objects`, not movable.
         compartments: Insides of furniture.
+        gripper: What the hand is.
     """
 
     model: mujoco.MjModel
@@ -159,6 +162,7 @@ class TwinModel:
     scene_stamp: float
     joints: tuple[TwinJoint, ...] = ()
     compartments: tuple[TwinCompartment, ...] = ()
+    gripper: GripperModel = PANDA_HAND
 
     def get(self, name: str) -> TwinObject | None:
         """The object of this name, or None."""

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from control.collision_filter import NEAR_MARGIN, CollisionFilter, ObjectAt, Phase, body_name
+from control.errors import ConfigError
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
@@ -18,6 +19,7 @@ from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY,
 
 CARTESIAN_STEP = 0.02  # [m] between waypoints of straight moves of the hand
 IK_POSITION, IK_ROTATION = 5e-4, 5e-3  # [m], [rad]: a tenth of what perception knows
+TOOL_TOLERANCE = 1e-4  # [m] between the twin's tool and that of the kinematics
 LIMIT_MARGIN = 0.05  # [rad] kept from joint limits, more than the judge asks for
 
 
@@ -62,6 +64,18 @@ class Workbench:
         self._base_T_world = np.eye(4)
         self._base_T_world[:3, :3] = rotation.T
         self._base_T_world[:3, 3] = -rotation.T @ base.xpos
+        self._require_same_tool()
+
+    def _require_same_tool(self) -> None:
+        """Kinematics of another gripper would send this one's fingers somewhere else."""
+        base_T_tcp = self._base_T_world @ self.filter.tcp_pose(self.start_q)
+        position = self.arm.forward(self.start_q[None])[0][0]
+        apart = float(np.linalg.norm(position - base_T_tcp[:3, 3]))
+        if apart > TOOL_TOLERANCE:
+            raise ConfigError(
+                f"the arm's kinematics put the tool {apart * 1e3:.1f} mm from where the twin's gripper "
+                f"'{self.twin.gripper.name}' has it; make them with ArmKinematics.from_urdf(gripper=twin.gripper)"
+            )
 
     @property
     def _handled(self) -> str | None:
@@ -71,6 +85,11 @@ class Workbench:
     def _allowed(self) -> set[str]:
         """What the handled object may touch."""
         return {*self.supports, TABLE_BODY, *([self.subtask.target] if self.subtask.target else [])}
+
+    @property
+    def base_position(self) -> np.ndarray:
+        """Where the robot stands, in the world in [m], shape (3,)."""
+        return -self._base_T_world[:3, :3].T @ self._base_T_world[:3, 3]
 
     def near_filter(self) -> CollisionFilter:
         """A filter for the last stretch to a grasp, with `NEAR_MARGIN`; who is too close is counted with `filter`."""
@@ -115,12 +134,15 @@ class Workbench:
         rows = np.flatnonzero((off <= IK_POSITION) & (turned <= IK_ROTATION))
         return rows, q[rows]
 
-    def follow(self, q: np.ndarray, targets: Sequence[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    def follow(
+        self, q: np.ndarray, targets: Sequence[np.ndarray], rough: bool = False
+    ) -> tuple[list[np.ndarray], np.ndarray]:
         """Continue from configurations along Cartesian paths of different lengths.
 
         Args:
             q: Configurations before the first waypoint in [rad], shape (n, 7).
             targets: Poses in the world, n arrays of shape (k_i, 4, 4).
+            rough: Whether waypoints are far apart: more iterations, and joints may go further between them.
 
         Returns:
             Joint paths, n arrays of shape (k_i, 7), and whether each was met without a jump, shape (n,).
@@ -129,7 +151,9 @@ class Workbench:
             return [], np.zeros(0, bool)
         longest = max(len(t) for t in targets)
         padded = np.stack([np.concatenate([t, np.repeat(t[-1:], longest - len(t), axis=0)]) for t in targets])
-        paths, ok = self.arm.follow(q, self._base_T_world @ padded, iterations=5, min_margin=LIMIT_MARGIN)
+        iterations, step = (15, 1.2) if rough else (5, 0.5)
+        goals = self._base_T_world @ padded
+        paths, ok = self.arm.follow(q, goals, iterations=iterations, max_step=step, min_margin=LIMIT_MARGIN)
         return [path[: len(t)] for path, t in zip(paths, targets, strict=True)], ok
 
     def way(

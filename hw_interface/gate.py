@@ -8,14 +8,12 @@ import numpy as np
 from control.certificate import Certificate
 from control.certify import verify_certificate
 from control.errors import RefusedError
+from control.gripper import PANDA_HAND, GripperModel
 from control.limits import RobotLimits
 from control.safety import SafetyLimits
 from control.trajectory import Trajectory
 from control.trajectory_checks import check_trajectory
 from hw_interface.backend import Measured
-
-MAX_GRIPPER_WIDTH = 0.08  # [m]; Franka Hand, product manual
-MAX_GRIPPER_FORCE = 70.0  # [N]; Franka Hand, continuous force
 
 
 @dataclass(frozen=True)
@@ -32,6 +30,7 @@ class Gate:
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         torque: (q, qd, qdd), each (n, 7), -> joint torques in [Nm], (n, 7); None leaves torques to the certificate.
         tcp: q (n, 7) -> poses of the tool centre point, (n, 4, 4); None leaves hand speeds to the certificate.
+        gripper: What the robot carries; it must be able to do what a motion asks of it.
     """
 
     profile: str
@@ -41,6 +40,7 @@ class Gate:
     max_scene_age: float = 300.0
     torque: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
     tcp: Callable[[np.ndarray], np.ndarray] | None = None
+    gripper: GripperModel = PANDA_HAND
 
     def check(
         self,
@@ -89,12 +89,13 @@ class Gate:
 
     def _check_gripper(self, trajectory: Trajectory, measured: Measured) -> None:
         for event in trajectory.gripper:
-            command = event.command
-            if not (0.0 <= command.width <= MAX_GRIPPER_WIDTH and 0.0 <= command.force <= MAX_GRIPPER_FORCE):
+            command, able = event.command, self.gripper
+            least = able.least_force if command.kind == "grasp" else 0.0
+            if not (0.0 <= command.width <= able.opening and least <= command.force <= able.most_force):
                 raise RefusedError(
                     "breaks_limit",
                     f"gripper command at {event.time:.2f} s asks for {command.width:g} m and {command.force:g} N; "
-                    f"at most {MAX_GRIPPER_WIDTH:g} m and {MAX_GRIPPER_FORCE:g} N are possible",
+                    f"'{able.name}' is able to do 0 to {able.opening:g} m and {least:g} to {able.most_force:g} N",
                 )
         if trajectory.segments and trajectory.segments[0].held is not None and not measured.grasped:
             raise RefusedError(

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 
 from control.errors import ConfigError
+from control.gripper import PANDA_HAND, GripperModel
 from control.trajectory import SAMPLE_TIME, GripperCommand
 from control.twin_model import ARM_ACTUATORS, ARM_BODIES, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR, HAND_BODY
 from hw_interface.backend import Measured
 
-FINGER_SPEED = 0.2  # [m/s]; how fast the set point of each finger moves: its rated speed in the Panda's URDF
 STILL_SPEED = 2e-3  # [m/s]; a finger slower than this has arrived or is blocked
 STILL_TIME = 0.03  # [s]; for so long
 ARRIVED = 1e-3  # [m]; difference of half widths that counts as arrived
@@ -27,13 +27,15 @@ class SimBackend:
 
     Args:
         model, data: The world; its time step is set to one millisecond. `data` is stepped by `command`.
+        gripper: How fast the set point of its fingers moves.
 
     Raises:
         ConfigError: The model lacks a joint, body or actuator, or an actuator is not a position servo.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, gripper: GripperModel = PANDA_HAND) -> None:
         self._model, self._data = model, data
+        self._finger_speed = gripper.rated_speed
         model.opt.timestep = SAMPLE_TIME
         self._servos = np.array([_id(model, "actuator", name) for name in ARM_ACTUATORS])
         self._grip = _id(model, "actuator", GRIPPER_ACTUATOR)
@@ -81,7 +83,7 @@ class SimBackend:
         """Command the servos and step the world by one millisecond."""
         data = self._data
         data.ctrl[self._servos] = q_d + self._lead * qd_d
-        step = FINGER_SPEED * SAMPLE_TIME
+        step = self._finger_speed * SAMPLE_TIME
         self._half_now += min(max(self._half_target - self._half_now, -step), step)
         data.ctrl[self._grip] = self._half_now
         mujoco.mj_step(self._model, data)

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from control.gripper import PANDA_HAND, GripperModel
 from control.limits import RobotLimits
 from control.safety import SafetyLimits
 from hw_interface.driver import Driver
@@ -58,6 +59,7 @@ def run_sim_cell(
     score: bool = False,
     parent_pid: int | None = None,
     leash: Leash | None = None,
+    gripper: GripperModel = PANDA_HAND,
 ) -> None:
     """Serve a simulated cell until SIGTERM, SIGINT or the parent's death. Prints one ready line on stdout.
 
@@ -73,12 +75,13 @@ def run_sim_cell(
         score: Offer the true object poses to a scorer.
         parent_pid: End when this process has ended.
         leash: To end the loop from elsewhere; None makes one.
+        gripper: What the robot in the world carries.
 
     Raises:
         ConfigError: Endpoint, port, speed or world are not valid.
     """
-    backend = SimBackend(world.model, world.data)
-    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age, torque, tcp)
+    backend = SimBackend(world.model, world.data, gripper)
+    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age, torque, tcp, gripper)
     driver = Driver(backend, gate, cell_name, supervision)
 
     def take_frame(camera: str) -> RgbdFrame:

@@ -165,12 +165,14 @@ def _limit_checks(folder: Path, cell: str) -> list[int]:
     from control.trajectory_checks import check_trajectory
     from sim_check.cells import load_cell
 
-    robot, safety = RobotModel.panda(), load_cell(cell).safety_limits()
+    planned = load_cell(cell)
+    gripper, safety = planned.robot.gripper_model, planned.safety_limits()
+    robot, limits = RobotModel.panda(gripper=gripper), panda_limits(gripper)
     broken = []
     for file in sorted(folder.glob("trajectory_*.npz")):
         with np.load(file) as arrays:
             trajectory = Trajectory(arrays["q"], arrays["qd"], arrays["qdd"])
-        checks = check_trajectory(trajectory, panda_limits(), safety, robot.torque, robot.tcp_poses)
+        checks = check_trajectory(trajectory, limits, safety, robot.torque, robot.tcp_poses)
         broken.append(sum(not c.ok for c in checks))
     return broken
 

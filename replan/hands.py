@@ -68,8 +68,9 @@ class TwinCheckedHands:
         self._film = film
         self._filming = filming
         self._say = say
-        self._robot = RobotModel.panda()
-        self._kinematics = ArmKinematics.from_urdf()
+        self._gripper = cell.robot.gripper_model
+        self._robot = RobotModel.panda(gripper=self._gripper)
+        self._kinematics = ArmKinematics.from_urdf(gripper=self._gripper)
         self._held: str | None = None
         self._last_filmed = -1
         self.steps = 0  # simulated steps spent so far
@@ -163,7 +164,7 @@ class TwinCheckedHands:
             trajectory,
             verdict,
             profile=self._limits.profile,
-            limits_hash=limits_hash(self._limits, self._safety),
+            limits_hash=limits_hash(self._limits, self._safety, self._gripper),
             scene_stamp=twin.scene_stamp,
             now=self._client.state().stamp,
         )

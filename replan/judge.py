@@ -27,7 +27,6 @@ class SeenJudge:
 
         Raises:
             UnknownObjectError: An object of the term is not seen now.
-            RewardSpecError: A term of a kind that nothing can judge yet.
         """
         return judge_term(
             term,
@@ -51,4 +50,5 @@ def _posed(o: ObjectEstimate) -> PosedObject:
         container=thing.container,
         inner_floor=thing.inner_floor,
         inner_radius=thing.inner_radius,
+        tracked=False,
     )

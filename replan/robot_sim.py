@@ -25,13 +25,14 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
 
     cell = load_cell(options.cell, dict.fromkeys(options.option, True))
     world = build_world(cell, options.seed)
-    limits, safety, robot = panda_limits(), cell.safety_limits(), RobotModel.panda()
+    gripper, safety = cell.robot.gripper_model, cell.safety_limits()
+    limits, robot = panda_limits(gripper), RobotModel.panda(gripper=gripper)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
         world,
         cell_name=cell.name,
         profile=limits.profile,
-        limits_hash=limits_hash(limits, safety),
+        limits_hash=limits_hash(limits, safety, gripper),
         robot_limits=limits,
         safety=safety,
         endpoint=options.endpoint,
@@ -40,5 +41,6 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
         tcp=robot.tcp_poses,
         score=options.score,
         parent_pid=options.parent_pid,
+        gripper=gripper,
     )
     return 0

@@ -134,13 +134,14 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options.video, say)
-        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=panda_limits())
+        limits = panda_limits(cell.robot.gripper_model)
+        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
         try:
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
-            _check_ready(client, options, cell.name)
+            _check_ready(client, options, cell.name, limits.profile)
             if on_client:
                 on_client("before", client)
-            hands = TwinCheckedHands(client, cell, panda_limits(), options.seed, episode, film, options.video, say)
+            hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say)
             eyes = CameraEyes(client, perception, episode, film, say)
             started = time.monotonic()
             result = run_loop(
@@ -176,13 +177,18 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     return report
 
 
-def _check_ready(client: "CellClient", options: RunOptions, cell_name: str) -> None:
-    """Refuse to plan for a robot that stands elsewhere or that a person has not released."""
+def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, profile: str) -> None:
+    """Refuse to plan for a robot that stands elsewhere, carries another gripper or was not released by a person."""
     state = client.state()
     if state.cell != cell_name:
         raise ConfigError(
             f"the robot's process serves cell '{state.cell}', but this run plans for '{cell_name}'; "
             f"say --cell {state.cell}"
+        )
+    if state.profile != profile:
+        raise ConfigError(
+            f"the robot's profile is '{state.profile}', but the cell file makes it '{profile}'; use the same cell file "
+            "(robot and gripper) on both sides"
         )
     if state.mode in ("stopped", "reflex"):
         if not options.acknowledge:

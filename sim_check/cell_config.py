@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from control.errors import ConfigError
+from control.gripper import GripperModel, gripper_model
 from control.safety import SafetyLimits
 from perception.frames import CameraIntrinsics
 from sim_check.furniture_config import FurnitureConfig
@@ -32,15 +33,20 @@ class RobotConfig(Strict):
 
     Attributes:
         profile: Name and interface version of its limits (`control.limits`).
-        gripper: Which gripper it carries.
+        gripper: Which gripper it carries (`control.gripper`).
         position: Base in the world in [m].
         yaw_deg: Rotation of the base about the world's z in [degrees].
     """
 
     profile: Literal["panda/5"] = "panda/5"
-    gripper: Literal["panda_hand"] = "panda_hand"
+    gripper: Literal["panda_hand", "robotiq_2f85"] = "panda_hand"
     position: Vector3 = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
+
+    @property
+    def gripper_model(self) -> GripperModel:
+        """What the gripper is."""
+        return gripper_model(self.gripper)
 
     @property
     def world_T_base(self) -> np.ndarray:
@@ -60,7 +66,8 @@ class CameraConfig(Strict):
 
     Attributes:
         name: Name of the camera in frames.
-        mounting: Frame of position, look_at, up and quaternion: the world, or the hand (`panda_hand`).
+        mounting: Frame of position, look_at, up and quaternion: the world, or the hand (`panda_hand`), a
+            frame at the flange that is the same for every gripper (`control.gripper`).
         position: Optical centre in [m].
         look_at: Point on the optical axis in [m].
         up: Direction that is up in the picture; not parallel to the axis.

@@ -57,7 +57,7 @@ def diagnose(
         twin though it did not move; or the failure as it was, with what was
         found out in its evidence, when nothing movable explains it.
     """
-    arm = kinematics or ArmKinematics.from_urdf()
+    arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
     thought = _Thought(twin, spec, safety, int(rng.integers(2**32)), arm, nthread)
     task = read_subtask(spec)
     joint = twin.joint(str(task.subject)) if task.manipulation == "drive" else None

@@ -24,7 +24,7 @@ class _Doors(Strict):
         bottom: Height of the shell's lower edge above the table; a stand fills the space below.
         handle_height: Height of the handle's middle above the table; a Panda wants 0.2 or more.
         handle_length: Length of the bar between its stand-offs.
-        handle_radius: Radius of the bar; the fingers open 0.08.
+        handle_radius: Radius of the bar; fingers open at least 0.08.
         handle_standoff: From the door's front to the bar's axis.
         handle_inset: From the door's free edge to the bar's axis.
         door_range: How far a hinged door turns in [rad].

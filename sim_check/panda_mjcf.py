@@ -15,6 +15,8 @@ import mujoco
 import numpy as np
 
 from control.errors import ConfigError
+from control.gripper import PANDA_HAND, GripperModel
+from control.robot_description import FLANGE_FRAME
 from control.robot_files import panda_urdf
 from control.twin_model import (
     ARM_BODIES,
@@ -26,13 +28,14 @@ from control.twin_model import (
     TCP_SITE,
 )
 from sim_check.capsules import stored_boxes, stored_capsules
+from sim_check.finger_contacts import COLLISION_GROUP, FINGER_RGBA, PAD_NAMES, PICTURE_GROUP, make_pad, make_shell
 from sim_check.robot_meshes import add_pictures
+from sim_check.robotiq_mjcf import add_robotiq
 from sim_check.urdf import UrdfLink, child, number, numbers, origin, read_links
 
-COLLISION_GROUP = 3
-PICTURE_GROUP = 2
+__all__ = ["COLLISION_GROUP", "PAD_NAMES", "PICTURE_GROUP", "SERVO_LEAD", "STIFFNESS", "panda_spec"]
+
 TCP_LINK = "panda_hand_tcp"
-PAD_NAMES = ("left_pad", "right_pad")
 
 # Joint stiffness of Franka's internal controller in [Nm/rad]: libfranka, examples/examples_common.cpp,
 # setJointImpedance.
@@ -43,8 +46,6 @@ STIFFNESS = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
 SERVO_LEAD = 0.05
 # Reflected inertia of motors and gears in [kg m^2]; it also keeps the wrist's servo well below the step frequency.
 ARM_ARMATURE = 0.1
-# Force with which each pad presses in [N]: Franka's usual grasp force. The servo's force is shared by both pads.
-PAD_FORCE = 40.0
 # Servo of the mean finger position: full force from 10 mm of error on, [N/m] and [N s/m]. A step of the command would
 # slam the fingers shut at over 1 m/s: ramp it at the real hand's speed.
 FINGER_STIFFNESS = 8000.0
@@ -53,14 +54,12 @@ FINGER_DAMPING = 5.0
 # Reflected inertia of one finger's drive in [kg]. A lighter finger (0.01) lets a slammed cube jump out at a step of
 # 4 ms, a much higher damping instead makes contacts soft: the contact solver does not see damping.
 FINGER_ARMATURE = 0.1
-FINGER_SPEED = 0.1  # of one finger in [m/s]: half of the rated 0.2 m/s of the URDF
 JUDGE_STEP = 0.002
-# Collision bodies are translucent, for pictures that show them over the meshes.
-SHELL_RGBA = (0.9, 0.5, 0.2, 0.4)
-FINGER_RGBA = (0.2, 0.2, 0.2, 0.6)
 
 
-def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.MjSpec:
+def panda_spec(
+    meshes: bool = True, mesh_cache: Path | None = None, gripper: GripperModel = PANDA_HAND
+) -> mujoco.MjSpec:
     """The Panda at the world's origin, with actuators, sites, exclusions and the physics options that grasping needs.
 
     Bodies, joints, site and actuators carry the names of `control.twin_model`. To stand the robot elsewhere set `pos`
@@ -70,11 +69,13 @@ def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.Mj
     Args:
         meshes: Whether to add the visual meshes (group 2); without them the model compiles in milliseconds.
         mesh_cache: Folder in which converted meshes are kept between runs; none by default.
+        gripper: What hangs at the flange.
 
     Raises:
         ConfigError: example-robot-data is not installed, or its URDF lacks a link or joint that the stack names.
     """
-    links = read_links(panda_urdf())
+    described = read_links(panda_urdf())
+    links = described if gripper.mounting is None else _without_hand(described)
     spec = mujoco.MjSpec()
     spec.modelname = "panda"
     _set_physics(spec)
@@ -97,12 +98,25 @@ def panda_spec(meshes: bool = True, mesh_cache: Path | None = None) -> mujoco.Mj
             _add_finger_boxes(body, link)
         else:
             _add_solids(body, capsules.get(link.name, np.zeros((0, 7))), boxes.get(link.name, np.zeros((0, 6))))
+    if gripper.mounting is not None:
+        fingers = add_robotiq(spec, *frames[FLANGE_FRAME], gripper.mounting, gripper.opening, meshes)
+        for joint in fingers:
+            joint.armature, joint.damping = FINGER_ARMATURE, [FINGER_DAMPING, 0.0, 0.0]
     _require(spec)
-    _add_servos(spec, links)
+    _add_servos(spec, links, gripper)
     _add_exclusions(spec)
     if meshes:
         add_pictures(spec, links, PICTURE_GROUP, mesh_cache)
     return spec
+
+
+def _without_hand(links: list[UrdfLink]) -> list[UrdfLink]:
+    """Without the hand and what hangs on it; parents come before their children."""
+    gone = {HAND_BODY}
+    for link in links:
+        if link.parent in gone:
+            gone.add(link.name)
+    return [link for link in links if link.name not in gone]
 
 
 def _set_physics(spec: mujoco.MjSpec) -> None:
@@ -159,16 +173,10 @@ def _add_solids(body: mujoco.MjsBody, capsules: np.ndarray, boxes: np.ndarray) -
     for i, row in enumerate(capsules):
         geom = body.add_geom(name=f"{body.name}_capsule{i}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=row[:6])
         geom.size = [row[6], 0.0, 0.0]
-        _dress(geom, SHELL_RGBA)
+        make_shell(geom)
     for i, row in enumerate(boxes):
         geom = body.add_geom(name=f"{body.name}_box{i}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=row[:3], size=row[3:])
-        _dress(geom, SHELL_RGBA)
-
-
-def _dress(geom: mujoco.MjsGeom, rgba: tuple[float, ...]) -> None:
-    geom.group = COLLISION_GROUP
-    geom.friction = [0.6, 0.005, 0.0001]
-    geom.rgba = rgba
+        make_shell(geom)
 
 
 def _add_finger_boxes(body: mujoco.MjsBody, link: UrdfLink) -> None:
@@ -186,14 +194,10 @@ def _add_finger_boxes(body: mujoco.MjsBody, link: UrdfLink) -> None:
             quat=quat,
             size=size,
         )
-        _dress(geom, FINGER_RGBA)
         if i == tip:
-            # Stiff, with torsional friction, and in force whatever it touches (priority).
-            geom.condim = 4
-            geom.priority = 1
-            geom.friction = [1.0, 0.01, 0.0005]
-            geom.solref = [0.004, 1.0]
-            geom.solimp = [0.95, 0.99, 0.001, 0.5, 2.0]
+            make_pad(geom)
+        else:
+            make_shell(geom, FINGER_RGBA)
 
 
 def _require(spec: mujoco.MjSpec) -> None:
@@ -207,7 +211,7 @@ def _require(spec: mujoco.MjSpec) -> None:
         raise ConfigError(f"the Panda's URDF lacks {missing}; install the locked version of example-robot-data")
 
 
-def _add_servos(spec: mujoco.MjSpec, links: list[UrdfLink]) -> None:
+def _add_servos(spec: mujoco.MjSpec, links: list[UrdfLink], gripper: GripperModel) -> None:
     joints = {str(link.joint.get("name")): link.joint for link in links if link.joint is not None}
     for name, stiffness in zip(ARM_JOINTS, STIFFNESS, strict=True):
         limit = child(joints[name], "limit")
@@ -222,8 +226,8 @@ def _add_servos(spec: mujoco.MjSpec, links: list[UrdfLink]) -> None:
         mean.wrap_joint(finger, 0.5)
     servo = spec.add_actuator(name=GRIPPER_ACTUATOR, target="half_width", trntype=mujoco.mjtTrn.mjTRN_TENDON)
     servo.set_to_position(kp=FINGER_STIFFNESS, kv=FINGER_SERVO_DAMPING)
-    servo.forcerange = [-2 * PAD_FORCE, 2 * PAD_FORCE]
-    servo.ctrlrange = [number(child(joints[FINGER_JOINTS[0]], "limit"), k) for k in ("lower", "upper")]
+    servo.forcerange = [-2 * gripper.pad_force, 2 * gripper.pad_force]  # shared by both pads
+    servo.ctrlrange = [0.0, gripper.opening / 2]
     # The second finger mirrors the first (the URDF's <mimic>).
     coupling = spec.add_equality(
         name="fingers", type=mujoco.mjtEq.mjEQ_JOINT, name1=FINGER_JOINTS[0], name2=FINGER_JOINTS[1]

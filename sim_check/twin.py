@@ -43,7 +43,6 @@ from sim_check.settling import free_bodies, move_apart, settle, touching
 from sim_check.supports import carrier, set_down, stand
 
 TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
-MAX_WIDTH = 0.08  # of the gripper in [m]
 # Furthest that moving apart and settling may carry a thing from where it was perceived and set down, in [m]; where
 # there is a container, its radius is added, for a fruit may roll to its middle.
 MAX_DRIFT = 0.02
@@ -96,7 +95,7 @@ def build_twin(
     order = {name: i for i, name in enumerate(scene.names)}
     placed.sort(key=lambda s: order[s.thing.name])
 
-    spec = panda_spec(meshes=False)
+    spec = panda_spec(meshes=False, gripper=cell.robot.gripper_model)
     place_robot(spec, cell.robot)
     spec.option.timestep = TWIN_STEP
     add_table(spec, scene.support_height)
@@ -120,6 +119,7 @@ def build_twin(
         scene_stamp=scene.stamp,
         joints=tuple(joint for f in fixed for joint in f.thing.joints),
         compartments=tuple(c for f in fixed for c in f.thing.compartments),
+        gripper=cell.robot.gripper_model,
     )
     qpos = _robot_qpos(twin, twin.qpos, gripper_width)
     for f in fixed:
@@ -217,7 +217,7 @@ def _robot_qpos(twin: TwinModel, qpos: np.ndarray, width: float) -> np.ndarray:
     for name, angle in zip(ARM_JOINTS, twin.q, strict=True):
         qpos[twin.model.joint(name).qposadr[0]] = angle
     for name in FINGER_JOINTS:
-        qpos[twin.model.joint(name).qposadr[0]] = np.clip(width, 0.0, MAX_WIDTH) / 2
+        qpos[twin.model.joint(name).qposadr[0]] = np.clip(width, 0.0, twin.gripper.opening) / 2
     return qpos
 
 
@@ -227,8 +227,8 @@ def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
     The width is that of the object's surface along the hand's y axis through its middle, found with MuJoCo's distance
     between the pads and the object while the pads are wide open.
     """
-    model, name = twin.model, str(twin.held)
-    qpos = _robot_qpos(twin, qpos, MAX_WIDTH)
+    model, name, widest = twin.model, str(twin.held), twin.gripper.opening
+    qpos = _robot_qpos(twin, qpos, widest)
     perceived = _position(model, qpos, name)
     data = mujoco.MjData(model)
     for _ in range(2):  # the second round measures again at the centred pose
@@ -238,9 +238,9 @@ def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
         gaps = [_gap(model, data, finger, name) for finger in FINGER_BODIES]
         # The left finger opens towards +y of the hand.
         _shift_position(model, qpos, name, across * (gaps[0] - gaps[1]) / 2)
-    width = MAX_WIDTH - sum(gaps)
+    width = widest - sum(gaps)
     moved = float(np.linalg.norm(_position(model, qpos, name) - perceived))
-    if not 0.0 < width < MAX_WIDTH or moved > MAX_RECENTRE:
+    if not 0.0 < width < widest or moved > MAX_RECENTRE:
         raise StackError(
             f"'{name}' should be in the hand, but as perceived it is not between the pads; open the hand, or look again"
         )

@@ -60,10 +60,10 @@ def judge_trajectory(
         rng: Source of randomness for the perturbed twins.
         perturbed: Number of perturbed twins; 0 judges by the nominal twin alone.
         nthread: Threads for simulation; the verdict does not depend on it.
-        robot: Rigid-body model for torques and the hand's speed; the Panda with an open hand by default.
+        robot: Rigid-body model for torques and the hand's speed; the Panda with the twin's gripper, open, by default.
         success_share: Least share of perturbed twins that must succeed.
     """
-    robot = robot or RobotModel.panda()
+    robot = robot or RobotModel.panda(gripper=twin.gripper)
     task = read_subtask(spec)
     twins = [twin, *_possible_twins(twin, rng, perturbed)]
     rollouts, steps = replay(trajectory, twins, safety.settle_time, nthread)

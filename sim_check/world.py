@@ -35,7 +35,6 @@ from sim_check.scene_mjcf import (
 from sim_check.settling import settle
 
 TRUTH_STEP = 0.001  # [s]
-OPEN_WIDTH = 0.08  # between the pads of an open hand in [m]
 
 
 @dataclass
@@ -177,7 +176,8 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
     things = [_mismatched(t, cell.simulation, streams[1]) for t, _ in placed.objects]
     furniture = {f.name: f for f, _ in placed.furniture}
 
-    spec = panda_spec(meshes=meshes, mesh_cache=mesh_cache)
+    gripper = cell.robot.gripper_model
+    spec = panda_spec(meshes=meshes, mesh_cache=mesh_cache, gripper=gripper)
     place_robot(spec, cell.robot)
     spec.option.timestep = TRUTH_STEP
     add_room(spec, add_table(spec))
@@ -199,8 +199,8 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
         data.joint(joint).qpos[:] = angle
         data.actuator(actuator).ctrl[:] = angle
     for joint in FINGER_JOINTS:
-        data.joint(joint).qpos[:] = OPEN_WIDTH / 2
-    data.actuator(GRIPPER_ACTUATOR).ctrl[:] = OPEN_WIDTH / 2
+        data.joint(joint).qpos[:] = gripper.opening / 2
+    data.actuator(GRIPPER_ACTUATOR).ctrl[:] = gripper.opening / 2
     for fixed in furniture.values():
         set_fractions(model, data.qpos, fixed, placed.fractions)
     mujoco.mj_forward(model, data)

@@ -12,6 +12,7 @@ from sim_check.cells import load_cell
 from sim_check.furniture import furniture_model
 from sim_check.furniture_config import CabinetConfig, FurnitureConfig, LeverConfig
 from sim_check.twin import build_twin
+from tests.motion_scenes import carrying
 from tests.sim_scenes import estimate, scene
 
 CABINET = CabinetConfig(kind="cabinet")
@@ -19,20 +20,30 @@ SLIDING = CabinetConfig(kind="cabinet", opening="sliding")
 LEVER = LeverConfig(kind="lever")
 
 
-def furnished(name: str, config: FurnitureConfig, x: float, y: float, yaw: float, fractions, *things) -> TwinModel:
+def furnished(
+    name: str, config: FurnitureConfig, x: float, y: float, yaw: float, fractions, *things, gripper: str = "panda_hand"
+) -> TwinModel:
     """A twin of one piece of furniture with the middle of its front at (x, y) [m], and of loose things."""
     extents = furniture_model(name, config).extents
     centre = np.array([x, y]) + np.array([np.cos(yaw), np.sin(yaw)]) * extents[0] / 2
     seen: ObjectEstimate = estimate(name, (*centre, extents[2] / 2), extents, yaw=yaw)
-    cell = load_cell("cubes").model_copy(update={"furniture": {name: config}})
+    cell = carrying(load_cell("cubes"), gripper).model_copy(update={"furniture": {name: config}})
     whole = scene(replace(seen, joint_fractions=fractions), *things)
-    return build_twin(cell, whole, np.array(REST_Q), 0.08)
+    return build_twin(cell, whole, np.array(REST_Q), cell.robot.gripper_model.opening)
 
 
 @cache
-def cabinet(x: float = 0.62, y: float = 0.0, left: float = 0.0, right: float = 0.0, yaw: float = 0.0) -> TwinModel:
+def cabinet(
+    x: float = 0.62,
+    y: float = 0.0,
+    left: float = 0.0,
+    right: float = 0.0,
+    yaw: float = 0.0,
+    gripper: str = "panda_hand",
+) -> TwinModel:
     """A cabinet with two hinged doors."""
-    return furnished("cabinet", CABINET, x, y, yaw, {"cabinet_left_door": left, "cabinet_right_door": right})
+    fractions = {"cabinet_left_door": left, "cabinet_right_door": right}
+    return furnished("cabinet", CABINET, x, y, yaw, fractions, gripper=gripper)
 
 
 @cache
@@ -42,9 +53,11 @@ def sliding(x: float = 0.62, y: float = 0.0, opened: float = 0.0, yaw: float = 0
 
 
 @cache
-def lever(x: float = 0.50, y: float = 0.0, opened: float = 0.0, yaw: float = 0.0) -> TwinModel:
+def lever(
+    x: float = 0.50, y: float = 0.0, opened: float = 0.0, yaw: float = 0.0, gripper: str = "panda_hand"
+) -> TwinModel:
     """A lever on a post."""
-    return furnished("lever", LEVER, x, y, yaw, {"lever_rod": opened})
+    return furnished("lever", LEVER, x, y, yaw, {"lever_rod": opened}, gripper=gripper)
 
 
 def barred(x: float = 0.62, y: float = 0.0, wrong: float = 0.0) -> TwinModel:

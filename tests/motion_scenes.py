@@ -4,11 +4,12 @@ from functools import cache
 
 import numpy as np
 
+from control.gripper import PANDA_HAND, GripperModel
 from control.kinematics import ArmKinematics
 from control.limits import REST_Q
 from control.rewards import RewardSpec, RewardTerm
 from control.twin_model import TwinModel
-from sim_check.cells import load_cell
+from sim_check.cells import CellConfig, load_cell
 from sim_check.twin import build_twin
 from tests.sim_scenes import estimate, scene
 
@@ -16,15 +17,21 @@ CUBE, CRATE, BOWL, APPLE = (0.05, 0.05, 0.05), (0.11, 0.11, 0.06), (0.144, 0.144
 PALM_TO_CUBE = RewardTerm("minimize_l2_distance", "palm", "red_cube")
 
 
-def twin_of(*estimates) -> TwinModel:
+def carrying(cell: CellConfig, gripper: str) -> CellConfig:
+    """A cell whose robot carries this gripper."""
+    return cell.model_copy(update={"robot": cell.robot.model_copy(update={"gripper": gripper})})
+
+
+def twin_of(*estimates, gripper: str = "panda_hand") -> TwinModel:
     """A settled twin with the arm at rest and the hand open."""
-    return build_twin(load_cell("cubes"), scene(*estimates), np.array(REST_Q), 0.08)
+    cell = carrying(load_cell("cubes"), gripper)
+    return build_twin(cell, scene(*estimates), np.array(REST_Q), cell.robot.gripper_model.opening)
 
 
 @cache
-def arm() -> ArmKinematics:
+def arm(gripper: GripperModel = PANDA_HAND) -> ArmKinematics:
     """The Panda, read once."""
-    return ArmKinematics.from_urdf()
+    return ArmKinematics.from_urdf(gripper=gripper)
 
 
 def hand_at(x: float, y: float, z: float) -> np.ndarray:
@@ -35,12 +42,13 @@ def hand_at(x: float, y: float, z: float) -> np.ndarray:
 
 
 @cache
-def cubes() -> TwinModel:
+def cubes(gripper: str = "panda_hand") -> TwinModel:
     """A crate and two cubes with room around them."""
     return twin_of(
         estimate("crate", (0.50, 0.15, 0.03), CRATE, yaw=0.2),
         estimate("red_cube", (0.45, -0.15, 0.025), CUBE, yaw=0.3),
         estimate("yellow_cube", (0.58, -0.05, 0.025), CUBE, yaw=0.1),
+        gripper=gripper,
     )
 
 

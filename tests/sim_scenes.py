@@ -58,22 +58,35 @@ def exact_scene(world, without=()):
 
 
 def noisy_scene(world, rng, position=0.005, yaw_deg=2.0, fraction=0.01, without=()):
-    """What an imperfect perception might say: normal errors, cut at twice their spread.
+    """What an imperfect perception might say; see `with_errors`.
 
     Args:
         world: The truth; so this is for tests and benchmarks alone.
         rng: Source of randomness.
         position: Spread along each of the world's axes in [m].
         yaw_deg: Spread of yaws in [degrees].
-        fraction: Spread of joint fractions, which stay within 0 and 1.
+        fraction: Spread of joint fractions.
         without: Names of things that are out of sight.
+    """
+    return with_errors(exact_scene(world, without), rng, position, yaw_deg, fraction)
+
+
+def with_errors(seen, rng, position=0.005, yaw_deg=2.0, fraction=0.01):
+    """A scene with normal errors, cut at twice their spread.
+
+    Args:
+        seen: What a perfect perception would say.
+        rng: Source of randomness.
+        position: Spread along each of the world's axes in [m].
+        yaw_deg: Spread of yaws in [degrees].
+        fraction: Spread of joint fractions, which stay within 0 and 1.
     """
 
     def error(spread, count=None):
         return spread * np.clip(rng.standard_normal(count), -2, 2)
 
     objects = []
-    for e in exact_scene(world, without).objects:
+    for e in seen.objects:
         pose, yaw = np.array(e.world_T_object), error(np.deg2rad(yaw_deg))
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         pose[:2, :3] = turn @ pose[:2, :3]

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from control.collision_filter import CollisionFilter, JointAt, Phase
-from control.driving import JointMotion, handle_grasps
 from control.failure import FailureCause
+from control.handle_grasps import handle_grasps
+from control.joint_motion import JointMotion
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan
 from control.motion_search import plan_motion

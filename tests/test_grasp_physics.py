@@ -6,11 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
+from control.gripper import GRIPPERS, PANDA_HAND, GripperModel
 from control.limits import REST_Q
+from control.robot import RobotModel
 from control.twin_model import FINGER_JOINTS, GRIPPER_ACTUATOR, TCP_SITE
-from sim_check.panda_mjcf import FINGER_SPEED, PAD_FORCE, PAD_NAMES, SERVO_LEAD, panda_spec
+from sim_check.panda_mjcf import PAD_NAMES, SERVO_LEAD, panda_spec
 
 OPEN = 0.04  # half width in [m]
+FINGER_SPEED = 0.1  # of one finger in [m/s]: half of the rated 0.2 m/s of the URDF
 
 
 @dataclass
@@ -64,11 +67,16 @@ class Hand:
 
 
 def hand_with_cube(
-    step: float = 0.002, half: float = 0.025, mass: float = 0.15, aside: float = 0.0, pad_friction: float | None = None
+    step: float = 0.002,
+    half: float = 0.025,
+    mass: float = 0.15,
+    aside: float = 0.0,
+    pad_friction: float | None = None,
+    gripper: GripperModel = PANDA_HAND,
 ) -> Hand:
-    spec = panda_spec(meshes=False)
+    spec = panda_spec(meshes=False, gripper=gripper)
     spec.option.timestep = step
-    tool = np.array([0.306890586, 0.0, 0.486882205])  # of REST_Q
+    tool = RobotModel.panda(gripper=gripper).tcp_pose(np.array(REST_Q))[:3, 3]
     spec.worldbody.add_geom(
         name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.02, 0.02, 0.01], pos=tool - [0.0, 0.0, half + 0.01]
     )
@@ -94,19 +102,21 @@ def take_away_the_stand(hand: Hand) -> None:
     hand.model.geom("stand").conaffinity[:] = 0
 
 
-def test_both_pads_press_with_the_grasp_force():
-    hand = hand_with_cube()
+@pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)
+def test_both_pads_press_with_the_grasp_force(gripper):
+    hand = hand_with_cube(gripper=gripper)
     hand.close()
     for pad in PAD_NAMES:
-        assert hand.pad_force(pad) == pytest.approx(PAD_FORCE, rel=0.05)
+        assert hand.pad_force(pad) == pytest.approx(gripper.pad_force, rel=0.05)
     # The pads do not sink into a stiff cube.
     assert np.abs(hand.data.qpos[7:9] - 0.025).max() < 3e-4
 
 
 # The drift is that of the integrator, it grows with the step: 4.7 mm and 10.7 mm measured.
+@pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)
 @pytest.mark.parametrize(("step", "most"), [(0.002, 0.007), (0.004, 0.015)])
-def test_a_gripped_cube_survives_a_violent_shake(step, most):
-    hand = hand_with_cube(step)
+def test_a_gripped_cube_survives_a_violent_shake(step, most, gripper):
+    hand = hand_with_cube(step, gripper=gripper)
     hand.close()
     take_away_the_stand(hand)
     slip, acceleration = hand.shake()

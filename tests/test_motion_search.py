@@ -11,7 +11,8 @@ from control.candidates import candidates
 from control.collision_filter import CollisionFilter, Phase
 from control.errors import RewardSpecError
 from control.failure import FailureCause
-from control.grasps import BETWEEN_WALLS, FINGERTIP, MAX_OPENING, STEEPEST_HOLD, grasps
+from control.grasps import BETWEEN_WALLS, STEEPEST_HOLD, grasps
+from control.gripper import PANDA_HAND
 from control.limits import REST_Q, panda_limits
 from control.motion_result import MotionPlan
 from control.motion_search import plan_motion
@@ -155,7 +156,7 @@ def test_no_grasp_is_wider_than_the_hand_or_below_the_table():
     offered = grasps(objects["apple"], SAFETY, 0.0)
     assert len(offered) > 50 and grasps(objects["bowl"], SAFETY, 0.0) == []
     for grasp in offered:
-        assert grasp.width <= MAX_OPENING - 2 * SAFETY.finger_clearance
+        assert grasp.width <= PANDA_HAND.widest(SAFETY.finger_clearance)
         assert grasp.world_T_tcp[2, 3] > 0.01 and grasp.approach[2] < -0.4
         rotation = grasp.world_T_tcp[:3, :3]
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
@@ -170,7 +171,7 @@ def test_a_ball_between_the_close_walls_of_a_bowl_is_taken_out_within_the_cleara
     assert ends["ball"][2] == pytest.approx(0.0285, abs=0.003)
     np.testing.assert_allclose(ends["bowl"][:2], [0.50, 0.05], atol=0.002)
     reach, approach = plan.path.segments[:2]
-    opening = reach.gripper.width if reach.gripper else MAX_OPENING
+    opening = reach.gripper.width if reach.gripper else PANDA_HAND.opening
     assert opening >= 0.057 + 2 * SAFETY.finger_clearance
     judge = CollisionFilter(twin, SAFETY, "ball", ["bowl"], margin=0.0)
     assert judge.path_clear(approach.q, Phase.GRASP, opening)
@@ -201,7 +202,7 @@ def test_higher_holds_of_a_round_thing_stay_where_friction_holds_it():
     assert len(more) > 3 * len(usual)
     raised = [-float((g.world_T_tcp[:3, 3] - ball.position) @ g.approach) for g in more]
     radius = ball.extents[0] / 2
-    edge = max(raised) - FINGERTIP  # of the pads, above the ball's middle
+    edge = max(raised) - PANDA_HAND.fingertip  # of the pads, above the ball's middle
     assert 0.003 < edge <= radius * np.sin(STEEPEST_HOLD) + 1e-9
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.grasps import FINGERTIP
+from control.gripper import PANDA_HAND
 from control.residuals import Clearances, Contacts, HeldSpan, TwinMotion, safety_residuals
 from control.safety import SafetyLimits
 from control.zones import RobotPoints, RobotTrack
@@ -214,4 +214,6 @@ def test_points_of_the_robot_lie_on_its_parts():
         assert np.linalg.norm(point - data.body(body).xpos) < 0.35, body
     fingers = points.at(data)[[b.endswith("finger") for b in points.bodies]]
     tcp = data.site("tcp").xpos
-    assert tcp[2] - fingers[:, 2].min() == pytest.approx(FINGERTIP, abs=0.001)  # the hand points down at rest
+    assert tcp[2] - fingers[:, 2].min() == pytest.approx(
+        PANDA_HAND.fingertip, abs=0.001
+    )  # the hand points down at rest

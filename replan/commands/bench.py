@@ -1,4 +1,4 @@
-"""`replan bench goals|poses|retime|diagnosis`: measurements, printed as a table or JSON."""
+"""`replan bench goals|motions|planner|poses|retime|diagnosis`: measurements, printed as a table or JSON."""
 
 from __future__ import annotations
 
@@ -70,6 +70,16 @@ class BenchPoses(_BenchScript):
 
 
 @dataclass(frozen=True)
+class BenchPlanner(_BenchScript):
+    """CPU time of motion planners over that of the same simulated steps in bare mujoco.batch."""
+
+    MODULE: ClassVar[str] = "benchmarks.planner"
+
+    seeds: int = 2
+    """Number of seeds of each task."""
+
+
+@dataclass(frozen=True)
 class BenchRetime(_BenchScript):
     """Retiming: ratio to the time-optimal bound, limit violations, deviation from the path, compute time."""
 
@@ -98,11 +108,12 @@ class BenchDiagnosis:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure: whole goals in the simulated cell, pose errors, retiming, diagnosis of failures."""
+    """Measure: whole goals in the simulated cell, motions, planners, pose errors, retiming, diagnosis of failures."""
 
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[BenchGoals, tyro.conf.subcommand("goals")]
+            | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
             | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
