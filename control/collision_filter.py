@@ -26,7 +26,7 @@ from control.twin_model import (
 PLANNING_MARGIN = 0.003  # [m] on top of the judged clearances: what smoothing, tracking and sampling may eat
 DRIVE_MARGIN = 0.006  # [m] more between hand and panel while a joint is driven: loaded servos and doors lag
 NEAR_MARGIN = 0.001  # [m], the same for the last stretch to a grasp between close walls: slow, short and straight
-SELF_TOLERANCE = 0.001  # [m]
+SELF_TOLERANCE = 0.001  # [m] between what is planned and what is judged of the robot's own parts
 HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
 PRESSED = 0.006  # [m] that an object may seem to overlap what carries it: errors of two perceived heights
 FEW = 12  # pairs whose exact distances cost less than looking at their boxes
@@ -179,17 +179,21 @@ class CollisionFilter:
 
         Returns:
             For "arm" (arm and hand), "finger" and "held" (the handled object): limit minus distance in [m] of the
-            nearest body outside and its name; -inf and "" where nothing is near.
+            nearest body outside and its name; for "self" the same between two parts of the robot; -inf and "" where
+            nothing is near.
         """
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self._data)
-        out: dict[str, tuple[float, str]] = dict.fromkeys(_LACKS, (-np.inf, ""))
+        out: dict[str, tuple[float, str]] = dict.fromkeys((*_LACKS, "self"), (-np.inf, ""))
         pairs = self._by_phase[phase]
         for i in pairs.near(self._data):
             kinds = self._kind[pairs.geoms[i]]
-            if not np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT, _Kind.PANEL)).any():
+            if np.isin(kinds, (_Kind.ARM, _Kind.FINGER, _Kind.BASE)).all():
+                name = "self"
+            elif not np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT, _Kind.PANEL)).any():
                 continue
-            name = next(n for n, k in _LACKS.items() if k in kinds or (k == _Kind.ARM and _Kind.BASE in kinds))
+            else:
+                name = next(n for n, k in _LACKS.items() if k in kinds or (k == _Kind.ARM and _Kind.BASE in kinds))
             lack = float(pairs.limit[i] - self._distance(pairs, i))
             if lack > out[name][0]:
                 out[name] = (lack, self._outer_body(*pairs.geoms[i]))
@@ -405,8 +409,9 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
         for outside in (_Kind.WORLD, _Kind.SUPPORT):
             t[_Kind.ARM, outside] = arm
             t[_Kind.FINGER, outside] = finger
-        t[_Kind.ARM, _Kind.ARM] = t[_Kind.ARM, _Kind.BASE] = safety.self_clearance - SELF_TOLERANCE
-        t[_Kind.FINGER, _Kind.ARM] = t[_Kind.FINGER, _Kind.BASE] = safety.self_clearance - SELF_TOLERANCE
+        own = safety.self_clearance + min(margin, SELF_TOLERANCE)
+        t[_Kind.ARM, _Kind.ARM] = t[_Kind.ARM, _Kind.BASE] = own
+        t[_Kind.FINGER, _Kind.ARM] = t[_Kind.FINGER, _Kind.BASE] = own
         if phase == Phase.FREE:
             t[_Kind.ARM, _Kind.OBJECT], t[_Kind.FINGER, _Kind.OBJECT] = arm, finger
         else:

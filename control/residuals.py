@@ -8,10 +8,13 @@ residual's scale, is what the search pays. A reasoner can neither name, weigh no
     contact_force       force on arm or hand, fingers apart
     unwanted_contact    force of contacts outside {fingers, subject, supports}
     self_contact        force between two parts of the robot
-    workspace           distance of the tool centre point outside the box, or inside a keep-out zone
+    tracked_hand_angular_speed  the same for its rotation
+    workspace           distance of any point of the hand outside the box
+    keep_out            depth of any moving part of the robot inside a zone
     moved               displacement of objects that the subtask does not name
     joint_moved         the same for the handles of joints: doors that were opened stay open
     tipped              tilt of those objects
+    self_clearance      lack of distance between parts of the robot that are not neighbours
     arm_clearance       lack of distance between arm or hand and the world
     finger_clearance    the same for the fingers
     held_clearance      the same for a carried object in transit
@@ -28,11 +31,13 @@ import numpy as np
 from control.certificate import CheckResult
 from control.safety import SafetyLimits
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY
+from control.zones import RobotTrack, inside_zone, outside_box
 
 SPEED_WINDOW = 0.02  # [s]
 # The twin's servo overshoots a commanded speed by up to 15 %; the commanded speed itself is judged exactly.
 SPEED_SLACK = 1.2
 TOUCH = 1.0  # [N]: below, a contact is two surfaces grazing
+SOFT = 0.002  # [m] that fingertips on a table may be below it: simulated contacts give way
 HELD_SLIP = 0.02  # [m] that a held object may shift in the hand: fingers that close centre it first
 _ARM = frozenset({*ARM_BODIES, HAND_BODY})
 _FINGERS = frozenset(FINGER_BODIES)
@@ -60,8 +65,9 @@ class Clearances:
 
     Attributes:
         step: Index of the sample, int, shape (k,).
-        lack: For "arm" (arm and hand), "finger" and "held" (a carried object in transit): the clearance that is asked
-            for minus the distance in [m], shape (k,); negative where there is room, -inf where nothing is near.
+        lack: For "self" (parts of the robot), "arm" (arm and hand), "finger" and "held" (a carried object in transit):
+            the clearance that is asked for minus the distance in [m], shape (k,); negative where there is room, -inf
+            where nothing is near.
         bodies: What was nearest to each of them, k names.
     """
 
@@ -96,6 +102,7 @@ class TwinMotion:
         clearances: Least distances, or None where they were not looked for.
         fractions: How far each joint of furniture is open, 0..1, joint name -> (n,).
         handles: Middle of each joint's handle in the world in [m], joint name -> (n, 3).
+        robot: Points of the robot; None leaves the tool centre point alone.
     """
 
     time: np.ndarray
@@ -110,6 +117,7 @@ class TwinMotion:
     clearances: Clearances | None = None
     fractions: dict[str, np.ndarray] = field(default_factory=dict)
     handles: dict[str, np.ndarray] = field(default_factory=dict)
+    robot: RobotTrack | None = None
 
 
 @dataclass(frozen=True)
@@ -155,13 +163,18 @@ def safety_residuals(safety: SafetyLimits) -> tuple[SafetyResidual, ...]:
     """The table with the numbers of one cell."""
     return (
         SafetyResidual("tracked_hand_speed", "m/s", safety.hand_speed * SPEED_SLACK, 0.5, hand_speed),
+        SafetyResidual(
+            "tracked_hand_angular_speed", "rad/s", safety.hand_angular_speed * SPEED_SLACK, 2.0, hand_angular_speed
+        ),
         SafetyResidual("contact_force", "N", safety.contact_force, 15.0, contact_force),
         SafetyResidual("unwanted_contact", "N", TOUCH, 15.0, unwanted_contact),
         SafetyResidual("self_contact", "N", 0.0, 15.0, self_contact),
-        SafetyResidual("workspace", "m", 0.0, 0.05, lambda motion: outside_workspace(motion, safety)),
+        SafetyResidual("workspace", "m", SOFT, 0.05, lambda motion: outside_workspace(motion, safety)),
+        SafetyResidual("keep_out", "m", 0.0, 0.05, lambda motion: in_keep_out(motion, safety)),
         SafetyResidual("moved", "m", safety.moved, 0.02, moved),
         SafetyResidual("joint_moved", "m", safety.moved, 0.02, joint_moved),
         SafetyResidual("tipped", "rad", safety.tipped, 0.26, tipped),
+        SafetyResidual("self_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "self")),
         SafetyResidual("arm_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "arm")),
         SafetyResidual("finger_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "finger")),
         SafetyResidual("held_clearance", "m", 0.0, 0.01, lambda motion: lacking(motion, "held")),
@@ -180,6 +193,19 @@ def hand_speed(motion: TwinMotion) -> Worst:
         return Worst()
     p = motion.tcp[:, :3, 3]
     speed = np.linalg.norm(p[span:] - p[:-span], axis=1) / (motion.time[span:] - motion.time[:-span])
+    i = int(np.argmax(speed))
+    return Worst(float(speed[i]), float(motion.time[i]), (HAND_BODY,))
+
+
+def hand_angular_speed(motion: TwinMotion) -> Worst:
+    """Angular speed of the hand in [rad/s]: the angle between R(t) and R(t + w) over w = 20 ms."""
+    span = _window(motion, SPEED_WINDOW)
+    if len(motion.time) <= span:
+        return Worst()
+    r = motion.tcp[:, :3, :3]
+    # |R1 - R0|_F = 2 sqrt(2) sin(angle / 2), which keeps its precision for small angles.
+    chord = np.sqrt(np.sum((r[span:] - r[:-span]) ** 2, axis=(1, 2))) / (2.0 * np.sqrt(2.0))
+    speed = 2.0 * np.arcsin(np.minimum(chord, 1.0)) / (motion.time[span:] - motion.time[:-span])
     i = int(np.argmax(speed))
     return Worst(float(speed[i]), float(motion.time[i]), (HAND_BODY,))
 
@@ -213,15 +239,21 @@ def self_contact(motion: TwinMotion) -> Worst:
 
 
 def outside_workspace(motion: TwinMotion, safety: SafetyLimits) -> Worst:
-    """Distance in [m] of the tool centre point outside the workspace box, or its depth inside a keep-out zone."""
-    p = motion.tcp[:, :3, 3]
-    low, high = np.asarray(safety.workspace_low), np.asarray(safety.workspace_high)
-    depth = np.linalg.norm(np.maximum(low - p, 0.0) + np.maximum(p - high, 0.0), axis=1)
-    for zone_low, zone_high in safety.keep_out:
-        inside = np.minimum(p - np.asarray(zone_low), np.asarray(zone_high) - p).min(axis=1)
-        depth = np.maximum(depth, inside)
-    i = int(np.argmax(depth))
-    return Worst(max(0.0, float(depth[i])), float(motion.time[i]), (HAND_BODY,))
+    """Furthest distance in [m] of a point of hand or fingers outside the workspace box."""
+    track = motion.robot or RobotTrack.of_hand(motion.tcp)
+    value, sample, body = outside_box(track, np.asarray(safety.workspace_low), np.asarray(safety.workspace_high))
+    return Worst(value, float(motion.time[sample]), (body,))
+
+
+def in_keep_out(motion: TwinMotion, safety: SafetyLimits) -> Worst:
+    """Largest depth in [m] of a point of the arm, the hand or the fingers inside a keep-out zone."""
+    track = motion.robot or RobotTrack.of_hand(motion.tcp)
+    worst = Worst()
+    for low, high in safety.keep_out:
+        value, sample, body = inside_zone(track, np.asarray(low), np.asarray(high))
+        if value > worst.value:
+            worst = Worst(value, float(motion.time[sample]), (body,))
+    return worst
 
 
 def moved(motion: TwinMotion) -> Worst:
@@ -252,7 +284,7 @@ def tipped(motion: TwinMotion) -> Worst:
 
 
 def lacking(motion: TwinMotion, part: str) -> Worst:
-    """Largest lack of distance in [m] of "arm", "finger" or "held"; 0 where everything keeps its distance."""
+    """Largest lack of distance in [m] of "self", "arm", "finger" or "held"; 0 where all keep their distance."""
     c = motion.clearances
     if c is None or not len(c.step):
         return Worst()
@@ -260,6 +292,8 @@ def lacking(motion: TwinMotion, part: str) -> Worst:
     value = float(c.lack[part][i])
     if value <= 0.0:
         return Worst()
+    if part == "self":
+        return Worst(value, float(motion.time[c.step[i]]), (c.bodies[part][i],))
     own = HAND_BODY
     if part == "held":
         own = next((s.name for s in motion.held if s.start <= c.step[i] < s.stop), motion.subject or "")

@@ -30,6 +30,7 @@ from control.twin_model import (
     TCP_SITE,
     TwinModel,
 )
+from control.zones import RobotPoints, RobotTrack
 
 GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come to rest
 END_SETTLE = 0.2  # [s] at the end of a rollout
@@ -274,11 +275,14 @@ def record_motion(
     # Contacts between things at rest on each other are nobody's business and most of the work.
     acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES} | ({task.subject} if task.subject else set())
     acts = np.array([n in acting for n in names])
+    robot = RobotPoints(model)
+    track = np.zeros((len(rows), len(robot.bodies), 3))
     force = np.zeros(6)
     for k, row in enumerate(rows):
         data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
         mujoco.mj_forward(model, data)
         tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+        track[k] = robot.at(data)
         places[:, k, :3, :3] = data.xmat[followed].reshape(-1, 3, 3)
         places[:, k, :3, 3] = data.xpos[followed]
         geoms = data.contact.geom[: data.ncon]
@@ -317,6 +321,7 @@ def record_motion(
             for j in twin.joints
         },
         handles=handles,
+        robot=RobotTrack(robot.bodies, robot.radius, track),
     )
 
 

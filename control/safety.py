@@ -30,7 +30,7 @@ class SafetyLimits:
         settle_speed: Speed below which an object counts as still in [m/s].
         start_tolerance: Largest difference per joint between a trajectory's first sample and the robot in [rad].
         workspace_low, workspace_high: Corners of the box, in the world in [m], that the hand must stay in, shape (3,).
-        keep_out: Boxes (low corner, high corner) in the world in [m] that the hand must stay out of.
+        keep_out: Boxes (low corner, high corner) in the world in [m] that no moving part of the robot may enter.
     """
 
     velocity_scale: float = 0.8
@@ -38,7 +38,7 @@ class SafetyLimits:
     joint_margin: float = 0.02
     hand_speed: float = 0.5
     hand_angular_speed: float = 2.0
-    self_clearance: float = 0.0
+    self_clearance: float = 0.005
     arm_clearance: float = 0.012
     held_clearance: float = 0.004
     finger_clearance: float = 0.002

@@ -103,7 +103,7 @@ def measure_clearances(
     look = CollisionFilter(twin, safety, handled, allowed, margin=0.0)
     dt = float(rollout.time[1] - rollout.time[0])
     steps = np.arange(0, len(times), stride)
-    lack = {name: np.full(len(steps), -np.inf) for name in ("arm", "finger", "held")}
+    lack = {name: np.full(len(steps), -np.inf) for name in ("self", "arm", "finger", "held")}
     bodies = {name: [""] * len(steps) for name in lack}
     for k, step in enumerate(steps):
         row = min(round(times[step] / dt), len(rollout.qpos) - 1)

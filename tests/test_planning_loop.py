@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from control.errors import GoalError, ReasonerError, RefusedError, RobotGoneError, StoppedError
+from control.errors import ContradictionError, GoalError, ReasonerError, RefusedError, RobotGoneError, StoppedError
 from control.failure import FailureCause
 from planning.builtin import BuiltinReasoner
 from planning.loop import LoopSettings, run_loop
@@ -202,6 +202,15 @@ def test_a_refusal_of_the_driver_becomes_a_cause():
     result = reach("place the red cube on the crate", world)
     assert result.reached
     assert (result.causes[0].kind, result.causes[0].check) == ("refused_by_robot", "certificate_used")
+
+
+def test_terms_that_exclude_each_other_become_a_cause_that_names_both_and_the_planner_goes_on():
+    world = cubes()
+    world.failures = [ContradictionError("near(a, b) and far(a, b) cannot both be met: being at 'b' is being near")]
+    result = reach("place the red cube on the crate", world)
+    assert result.reached
+    assert result.causes[0].kind == "reasoner_error"
+    assert result.causes[0].message == "near(a, b) and far(a, b) cannot both be met: being at 'b' is being near"
 
 
 @pytest.mark.parametrize("error", [RobotGoneError("no answer"), StoppedError("stopped"), KeyboardInterrupt()])

@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from control.gripper import PANDA_HAND
 from control.residuals import Clearances, Contacts, HeldSpan, TwinMotion, safety_residuals
 from control.safety import SafetyLimits
+from control.zones import RobotPoints, RobotTrack
+from tests.motion_scenes import cubes
 
 SAFETY = SafetyLimits()
 N, DT = 500, 0.004
@@ -64,6 +67,20 @@ def fast():
     return replace(quiet(), tcp=tcp)
 
 
+def spinning():
+    angle = 0.6 * np.clip((TIME - 1.0) / 0.2, 0, 1)  # 3 rad/s
+    tcp = quiet().tcp.copy()
+    tcp[:, 0, 0], tcp[:, 0, 1], tcp[:, 1, 0], tcp[:, 1, 1] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
+    return replace(quiet(), tcp=tcp)
+
+
+def robot_at(body, position, radius=0.05):
+    """The quiet motion with one more point of the robot, which goes to a position half-way."""
+    points = np.stack([np.tile([0.4, 0.0, 0.5], (N, 1)), quiet().tcp[:, :3, 3]], axis=1)
+    points[N // 2 :, 0] = position
+    return replace(quiet(), robot=RobotTrack((body, "panda_hand"), np.array([radius, 0.0]), points))
+
+
 def outside():
     return replace(quiet(), tcp=still((0.5, 0.95, 0.3)))
 
@@ -94,7 +111,7 @@ def slipped():
 
 
 def lacking(part):
-    near = {name: np.full(2, -0.01) for name in ("arm", "finger", "held")}
+    near = {name: np.full(2, -0.01) for name in ("self", "arm", "finger", "held")}
     near[part] = np.array([-0.01, 0.004])
     names: dict[str, tuple[str, ...]] = dict.fromkeys(near, ("vase", "vase"))
     return replace(
@@ -118,8 +135,14 @@ def swung_shut():
     return replace(quiet(), handles={"box_door": points})
 
 
+ZONE = ((0.1, 0.3, 0.4), (0.3, 0.5, 0.8))
+SAFETY = replace(SAFETY, keep_out=(ZONE,))
 CASES = {
     "tracked_hand_speed": (fast(), 0.75, ("panda_hand",)),
+    "tracked_hand_angular_speed": (spinning(), 3.0, ("panda_hand",)),
+    "unwanted_contact": (with_contact(40, "panda_leftfinger", "vase", 5.0), 5.0, ("panda_leftfinger", "vase")),
+    "keep_out": (robot_at("panda_link4", (0.28, 0.40, 0.6)), 0.07, ("panda_link4",)),
+    "self_clearance": (lacking("self"), 0.004, ("vase",)),
     "self_contact": (with_contact(10, "panda_link5", "panda_hand", 3.0), 3.0, ("panda_link5", "panda_hand")),
     "workspace": (outside(), 0.15, ("panda_hand",)),
     "moved": (displaced(), 0.03, ("vase",)),
@@ -169,7 +192,28 @@ def test_forces_of_one_pair_at_one_time_add_up():
     assert broken(replace(quiet(), contacts=parts))["contact_force"].worst == 18.0
 
 
-def test_keep_out_zones_are_judged_by_how_deep_the_hand_is_in_them():
-    zone = replace(SAFETY, keep_out=(((0.35, -0.1, 0.2), (0.9, 0.1, 0.4)),))
-    caught = {r.name: r.check(quiet()) for r in safety_residuals(zone) if not r.check(quiet()).ok}
-    assert set(caught) == {"workspace"} and caught["workspace"].worst == pytest.approx(0.1, abs=0.01)
+def test_an_elbow_beside_a_keep_out_zone_is_free_and_one_that_touches_it_is_caught():
+    assert broken(robot_at("panda_link4", (0.36, 0.40, 0.6))) == {}
+    caught = broken(robot_at("panda_link4", (0.34, 0.40, 0.6)))
+    assert set(caught) == {"keep_out"} and caught["keep_out"].worst == pytest.approx(0.01)
+
+
+def test_the_whole_hand_stays_in_the_workspace_and_the_elbow_need_not():
+    caught = broken(robot_at("panda_hand", (0.86, 0.0, 0.5)))
+    assert set(caught) == {"workspace"} and caught["workspace"].worst == pytest.approx(0.01)
+    assert caught["workspace"].at == pytest.approx(N // 2 * DT)
+    assert broken(robot_at("panda_link4", (0.95, 0.0, 0.5))) == {}
+
+
+def test_points_of_the_robot_lie_on_its_parts():
+    data = cubes().start()
+    points = RobotPoints(cubes().model)
+    at = dict(zip(points.bodies, points.at(data), strict=True))  # one point of each body
+    assert {"panda_link1", "panda_link4", "panda_hand", "panda_leftfinger"} <= set(at)
+    for body, point in at.items():
+        assert np.linalg.norm(point - data.body(body).xpos) < 0.35, body
+    fingers = points.at(data)[[b.endswith("finger") for b in points.bodies]]
+    tcp = data.site("tcp").xpos
+    assert tcp[2] - fingers[:, 2].min() == pytest.approx(
+        PANDA_HAND.fingertip, abs=0.001
+    )  # the hand points down at rest

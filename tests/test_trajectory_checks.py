@@ -197,6 +197,71 @@ def test_the_hand_is_judged_when_its_kinematics_are_given():
     assert broken(results(move(0, 0.5, 2.0), turning, tcp=turntable)) == {"hand_angular_speed"}
 
 
+def jolted() -> Trajectory:
+    """One sample of joint 2 is off by 1.3 um: 2.6 rad/s^2, and 3900 rad/s^3 where 3750 are allowed."""
+    q = np.array(move(6, 0.2, 2.0).q)
+    q[700, 1] += 1.3e-6
+    return differentiated(q)
+
+
+def started() -> Trajectory:
+    """At rest by its samples, but its first derivative says otherwise, by less than rounding of derivatives may."""
+    qd = np.array(move().qd)
+    qd[0, 3] = 1e-3
+    return replace(move(), qd=qd)
+
+
+def ended() -> Trajectory:
+    qdd = np.array(move().qdd)
+    qdd[-1, 2] = 0.1
+    return replace(move(), qdd=qdd)
+
+
+def steady(q, qd, qdd):
+    """90 Nm on joint 2 all the time."""
+    return np.tile(90.0 * np.eye(7)[1], (len(q), 1))
+
+
+def switching(q, qd, qdd):
+    return np.where(q > REST + 0.25, 1.2, 0.0)  # 1.2 Nm within a millisecond
+
+
+def hand_on_a_stick(q):
+    """A hand 2 m from joint 1 that keeps its direction."""
+    poses = np.tile(np.eye(4), (len(q), 1, 1))
+    poses[:, 0, 3], poses[:, 1, 3] = 2.0 * np.cos(q[:, 0]), 2.0 * np.sin(q[:, 0])
+    return poses
+
+
+def spinning_hand(q):
+    """A hand that turns four times as far as joint 1, on the spot."""
+    poses = np.tile(np.eye(4), (len(q), 1, 1))
+    c, s = np.cos(4 * q[:, 0]), np.sin(4 * q[:, 0])
+    poses[:, 0, 0], poses[:, 0, 1], poses[:, 1, 0], poses[:, 1, 1] = c, -s, s, c
+    return poses
+
+
+ALONE = {
+    "joint_position": (move(3, LIMITS.q_max[3] - REST[3] - 0.0199, 4.0), {}),
+    "joint_velocity": (move(0, 2.0, 2.45), {}),
+    "joint_acceleration": (move(1, 0.05, 0.27), {}),
+    "joint_jerk": (jolted(), {}),
+    "torque": (move(), {"torque": steady}),
+    "torque_rate": (move(0, 0.5, 1.0), {"torque": switching}),
+    "hand_speed": (move(0, 0.5, 2.0), {"tcp": hand_on_a_stick}),
+    "hand_angular_speed": (move(0, 0.5, 2.0), {"tcp": spinning_hand}),
+    "starts_at_rest": (started(), {}),
+    "ends_at_rest": (ended(), {}),
+    "sampled_consistently": (replace(move(), qd=np.zeros_like(move().q)), {}),
+}
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_a_trajectory_that_breaks_one_limit_is_caught_by_that_check_alone(name):
+    trajectory, callables = ALONE[name]
+    assert broken(results(trajectory, **callables)) == {name}
+
+
 def test_the_shortest_trajectory_can_be_checked():
     rest = np.tile(REST, (2, 1))
     assert not broken(results(Trajectory(rest, np.zeros((2, 7)), np.zeros((2, 7)))))
