@@ -94,6 +94,16 @@ MOTIONS: dict[str, MotionTask] = {
 }
 
 
+# A bar is taken out from behind the handles, both doors are opened, the cube is put inside.
+CHAIN_CELL = "cabinet-blocked"
+CHAIN = (
+    spec_of("maximize_l2_distance", "red_bar", "wooden_cabinet", 0.5),
+    spec_of("set_joint_fraction", LEFT, value=1.0),
+    spec_of("set_joint_fraction", RIGHT, value=1.0),
+    spec_of("minimize_l2_distance", "yellow_cube", "wooden_cabinet"),
+)
+
+
 @dataclass(frozen=True)
 class Scene:
     """A subtask of one seed.
@@ -137,6 +147,13 @@ def draw_scene(task: MotionTask, seed: int, pose_noise: float = 0.0, mismatch: b
     if mismatch:
         true = _mismatched(true, rng)
     return Scene(task.spec(seed), believed, true)
+
+
+def draw_twin(cell: str, seed: int) -> TwinModel:
+    """A twin of the true poses of a seeded cell."""
+    config = load_cell(cell)
+    exact = exact_scene(build_world(config, seed, meshes=False))
+    return build_twin(config, exact, np.array(REST_Q), OPEN_WIDTH)
 
 
 def _as_found(scene: SceneEstimate, task: MotionTask, rng: np.random.Generator) -> SceneEstimate:

@@ -100,7 +100,7 @@ def safety_table(safety: SafetyLimits | None = None, limits: RobotLimits | None 
         if residual.name in _CLEARANCES:
             meaning += f"; {getattr(safety, residual.name) * 1e3:g} mm are asked for"
         rows.append(SafetyRow(residual.name, meaning, residual.unit, (residual.limit,), False, stage))
-    meaning = f"what the primary reward lacks at its worst over the last {safety.settle_time:g} s"
+    meaning = f"what a reward term lacks at its worst over the last {safety.settle_time:g} s"
     rows.append(SafetyRow("reward_met", meaning, "m", (0.0,), False, "verdict"))
     return tuple(rows)
 

@@ -50,6 +50,7 @@ MAX_DRIFT = 0.02
 MAX_RECENTRE = 0.02
 # Least spreads of a perturbed twin: perception's own figures leave out calibration.
 POSITION_FLOOR, YAW_FLOOR = 0.002, np.deg2rad(1.5)
+DRAWS = 3  # per perturbed twin that is wanted
 FRICTION_SPREAD, MASS_SPREAD, GAIN_SPREAD = 0.3, 0.3, 0.07
 
 
@@ -169,6 +170,27 @@ def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0
         except StackError as error:
             reason = error
     raise reason
+
+
+def possible_twins(twin: TwinModel, rng: np.random.Generator, count: int) -> list[TwinModel]:
+    """Up to `count` perturbed twins.
+
+    A draw in which things cannot come to rest is no world, so a few are made for each.
+
+    Args:
+        twin: Built by `build_twin`; not changed.
+        rng: Source of randomness.
+        count: How many are wanted; fewer come where most draws are impossible.
+    """
+    out: list[TwinModel] = []
+    for _ in range(DRAWS * count):
+        if len(out) == count:
+            break
+        try:
+            out.append(perturbed_twin(twin, rng))
+        except StackError:
+            continue
+    return out
 
 
 def _stood(thing: FurnitureModel, estimate: ObjectEstimate, table: float) -> Fixed:

@@ -1,8 +1,8 @@
 """The verdict on a retimed trajectory: every safety check in the nominal twin, its success rate in perturbed ones.
 
 The nominal twin is judged by everything: the samples themselves (`control.trajectory_checks`), the safety residuals
-of the replayed motion, clearances, and the primary reward. A perturbed twin counts as a success when the primary
-reward is met and no residual of the replay is broken; clearances are left out there, as what moved by its own
+of the replayed motion, clearances, and the reward. A perturbed twin counts as a success when the reward
+is met and no residual of the replay is broken; clearances are left out there, as what moved by its own
 uncertainty is nearer on one side by right. A motion passes when the nominal twin keeps every check and enough of the
 perturbed ones succeed.
 """
@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from control.certificate import CheckResult, Verdict
-from control.errors import StackError
 from control.limits import REST_Q, RobotLimits
 from control.residuals import TwinMotion, safety_residuals
 from control.rewards import RewardSpec
-from control.rewards_cost import judge_at
+from control.rewards_cost import judge_terms
 from control.robot import RobotModel
 from control.rollouts import Rollout, record_motion
 from control.safety import SafetyLimits
@@ -26,14 +25,13 @@ from control.trajectory_checks import check_trajectory
 from control.twin_model import TwinModel
 from control.workbench import resting_on
 from sim_check.replay import measure_clearances, replay
-from sim_check.twin import perturbed_twin
+from sim_check.twin import possible_twins
 
 # Least share of perturbed twins that must succeed. A good motion that succeeds nine times in ten gets four of six with
 # a probability of 0.98; one that succeeds every other time, with 0.34.
 SUCCESS_SHARE = 2 / 3
 NOMINAL_STRIDE = 2  # every second state (4 ms) is looked at for contacts
 PERTURBED_STRIDE = 5
-DRAWS = 3  # per perturbed twin
 NORMAL_95 = 1.959964  # quantile of the standard normal distribution for a two-sided 95 % interval
 
 
@@ -65,7 +63,7 @@ def judge_trajectory(
     """
     robot = robot or RobotModel.panda(gripper=twin.gripper)
     task = read_subtask(spec)
-    twins = [twin, *_possible_twins(twin, rng, perturbed)]
+    twins = [twin, *possible_twins(twin, rng, perturbed)]
     rollouts, steps = replay(trajectory, twins, safety.settle_time, nthread)
     judged = [
         _checks(r, t, spec, task, safety, NOMINAL_STRIDE if i == 0 else PERTURBED_STRIDE, clearances=i == 0)
@@ -108,19 +106,6 @@ def wilson_interval(successes: int, trials: int, z: float = NORMAL_95) -> tuple[
     return float(max(0.0, (middle - spread) / scale)), float(min(1.0, (middle + spread) / scale))
 
 
-def _possible_twins(twin: TwinModel, rng: np.random.Generator, count: int) -> list[TwinModel]:
-    """Perturbed twins; a draw in which things cannot come to rest is no world, so up to `DRAWS` are made for each."""
-    out: list[TwinModel] = []
-    for _ in range(DRAWS * count):
-        if len(out) == count:
-            break
-        try:
-            out.append(perturbed_twin(twin, rng))
-        except StackError:
-            continue
-    return out
-
-
 def _checks(
     rollout: Rollout,
     twin: TwinModel,
@@ -144,17 +129,18 @@ def _checks(
 
 
 def _reward(motion: TwinMotion, twin: TwinModel, spec: RewardSpec, safety: SafetyLimits) -> CheckResult:
-    """The primary reward, at its worst over the settling time: met early and lost again does not count."""
+    """The reward's terms, at their worst over the settling time: met early and lost again does not count.
+
+    A term that is meant for the way counts at its best moment there.
+    """
     rest = palm_at(twin, REST_Q)
     first = int(np.searchsorted(motion.time, motion.time[-1] - safety.settle_time))
-    index = spec.terms.index(spec.primary)
     rows = np.unique(np.linspace(first, len(motion.time) - 1, 6).astype(int))
-    residuals = [judge_at(motion, twin, spec, int(k), rest)[index].residual for k in rows]
-    worst = int(np.argmax(residuals))
-    at = float(motion.time[rows[worst]])
-    return CheckResult(
-        "reward_met", residuals[worst], 0.0, "m", residuals[worst] == 0.0, at, tuple(sorted(spec.primary.names))
-    )
+    judged = judge_terms(motion, twin, spec, [int(k) for k in rows], rest)
+    worst = max(range(len(judged)), key=lambda i: (judged[i].residual, spec.terms[i].primary))
+    lacks = judged[worst].residual
+    at, names = float(motion.time[-1]), tuple(sorted(spec.terms[worst].names))
+    return CheckResult("reward_met", lacks, 0.0, "m", lacks == 0.0, at, names)
 
 
 def _start_state(trajectory: Trajectory, twin: TwinModel, safety: SafetyLimits) -> CheckResult:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from control.errors import RewardSpecError, UnknownObjectError
+from control.errors import UnknownObjectError
 from control.goal_predicates import PosedObject, judge_term
 from control.rewards import RewardTerm
+from control.rotations import rotation_exp
 
 PALM, REST = np.array([0.3, 0.0, 0.5]), np.array([0.307, 0.0, 0.48])
 CUBE, CRATE = (0.05, 0.05, 0.05), (0.11, 0.11, 0.06)
@@ -117,11 +118,33 @@ def test_a_lifted_object_is_judged_by_the_height_of_its_centre():
     assert not low.met and low.residual == pytest.approx(0.04)
 
 
-def test_terms_that_nothing_can_judge_yet_are_refused_by_name():
-    with pytest.raises(
-        RewardSpecError, match="set_obj_orientation of 'kettle' is not yet supported by the motion search; it supports"
-    ):
-        judge(RewardTerm("set_obj_orientation", "kettle", None, 0.5), thing("kettle", (0.5, 0, 0.1), CUBE))
+def turned(position, about_x, yaw=0.0, **changes):
+    """A bar that was turned about its own x axis, then about the vertical."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_exp(np.array([0.0, 0.0, yaw])) @ rotation_exp(np.array([about_x, 0.0, 0.0]))
+    pose[:3, 3] = position
+    return PosedObject("bar", pose, np.array([0.02, 0.04, 0.20]), **changes)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.3, -2.0])
+def test_a_turn_is_judged_about_the_objects_own_axis_in_whatever_heading(yaw):
+    term, start = RewardTerm("set_obj_orientation", "bar", None, np.pi / 2), turned((0.5, 0, 0.1), 0.0, 0.4)
+    at = (0.5, 0.05, 0.02)
+    assert judge(term, turned(at, np.pi / 2, yaw), start=(start,)).met
+    short = judge(term, turned(at, np.pi / 2 - 0.27, yaw), start=(start,))
+    assert not short.met and short.residual == pytest.approx(0.1 * 0.1, abs=1e-6)
+    assert "bar is 15 degrees from where a turn by 90 would take it" in short.text
+    assert not judge(term, turned(at, -np.pi / 2, yaw), start=(start,)).met, "the other way round is another face up"
+
+
+def test_a_camera_judges_a_turn_by_the_height_that_it_gives_and_says_so():
+    term = RewardTerm("set_obj_orientation", "bar", None, np.pi / 2)
+    start = turned((0.5, 0, 0.1), 0.0, tracked=False)
+    lying = PosedObject("bar", np.eye(4), np.array([0.02, 0.20, 0.04]), tracked=False)
+    assert judge(term, lying, start=(start,)).met
+    judged = judge(term, start, start=(start,))
+    assert not judged.met
+    assert judged.text == "bar is 200 mm high, as far as it can be seen (turned as asked it is 40)"
 
 
 def joint_at(fraction, wanted):

@@ -9,7 +9,6 @@ import pytest
 
 from control.candidates import candidates
 from control.collision_filter import CollisionFilter, Phase
-from control.errors import RewardSpecError
 from control.failure import FailureCause
 from control.grasps import BETWEEN_WALLS, STEEPEST_HOLD, grasps
 from control.gripper import PANDA_HAND
@@ -144,11 +143,6 @@ def test_a_full_hand_is_asked_to_put_down_what_it_holds():
     cause = search(replace(cubes(), held="yellow_cube"), red_on_crate())
     assert isinstance(cause, FailureCause)
     assert cause.message == "the hand holds 'yellow_cube'; put it down before 'red_cube' can be handled"
-
-
-def test_a_spec_with_a_term_that_is_not_supported_is_refused_before_any_search():
-    with pytest.raises(RewardSpecError, match="set_obj_orientation of 'red_cube' is not yet supported"):
-        search(cubes(), only("set_obj_orientation", "red_cube", None, 1.0))
 
 
 def test_no_grasp_is_wider_than_the_hand_or_below_the_table():

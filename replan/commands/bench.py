@@ -6,7 +6,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -70,6 +70,33 @@ class BenchPoses(_BenchScript):
 
 
 @dataclass(frozen=True)
+class BenchMotions:
+    """Motions for the subtasks of the built-in cells: success, cleanness, time and simulated steps."""
+
+    runs: int = 20
+    """Runs of each motion, with seeds 0, 1, 2, ..."""
+    motions: tuple[str, ...] = ()
+    """Names of the motions; default all (an unknown name lists them)."""
+    planner: Literal["candidates", "predictive-sampling"] = "candidates"
+    """Who plans."""
+    pose_noise_mm: float = 0.0
+    """Spread of the errors of perceived positions per axis in [mm]; yaws err by 0.4 degrees a millimetre."""
+    mismatch: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Let the true model differ: furniture 5 mm, things 4 mm and 4 degrees, friction and mass 30 %, joint gains 7 %."""
+    jobs: int = 1
+    """Processes that share the runs; wall times mean something with 1 only."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.motions", "--runs", str(self.runs), "--planner", self.planner]
+        command += ["--pose-noise-mm", str(self.pose_noise_mm), "--jobs", str(self.jobs)]
+        command += ["--motions", *self.motions] if self.motions else []
+        return _call([*command, *["--mismatch"] * self.mismatch, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class BenchPlanner(_BenchScript):
     """CPU time of motion planners over that of the same simulated steps in bare mujoco.batch."""
 
@@ -113,6 +140,7 @@ class Bench:
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[BenchGoals, tyro.conf.subcommand("goals")]
+            | Annotated[BenchMotions, tyro.conf.subcommand("motions")]
             | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
