@@ -6,14 +6,15 @@ stop as soon as a few of them have proved themselves.
 """
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import islice, product
+from types import MappingProxyType
 
 import numpy as np
 
 from control.collision_filter import Held, JointAt, Phase
-from control.driving import ROUGH_STEPS, Holds, ReadyDrive, drive_segments
+from control.driving import DRIVE_FROM_END, ROUGH_STEPS, Holds, ReadyDrive, drive_segments
 from control.goal_predicates import PosedObject, judge_term
 from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
@@ -41,11 +42,13 @@ class Candidate:
         segments: The joint path in pieces, first waypoint = the twin's start.
         description: For people: which grasp, which place.
         preference: Lower is better; joint motion in [rad] and extras.
+        joint_ends: Where the driven joint should stand in [rad] or [m] when a segment ends, by the segment's index.
     """
 
     segments: tuple[PathSegment, ...]
     description: str
     preference: float
+    joint_ends: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
 def candidates(bench: Workbench) -> Iterator[Candidate]:
@@ -199,6 +202,7 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
             drives = [leg[i] for leg, i in zip(legs, rank, strict=True)]
             bench.counts["pairs"] += 1
             segments: list[PathSegment] = []
+            ends: dict[int, float] = {}
             q, width, effort = bench.start_q, bench.twin.gripper_width, 0.0
             for drive in drives:
                 at = JointAt(float(drive.positions[0]))
@@ -208,6 +212,7 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
                         blocked.add(rank[0])
                     break
                 segments += drive_segments(drive, joint, reach, width)
+                ends[len(segments) - DRIVE_FROM_END] = float(drive.positions[-1])
                 q, width = drive.leave[-1], drive.opening
                 effort += path_length(reach) + path_length(drive.along)
             else:
@@ -217,7 +222,7 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
                     found = True
                     text = ", then ".join(d.text for d in drives)
                     segments.append(PathSegment("home", home))
-                    yield Candidate(tuple(segments), f"drive ({text})", effort + path_length(home))
+                    yield Candidate(tuple(segments), f"drive ({text})", effort + path_length(home), ends)
         if found:
             return
 

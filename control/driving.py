@@ -32,6 +32,9 @@ AT_ONCE = 24  # grasps that are taken along together
 ROUGH_STEPS = 5  # stations of a first look along the joint's path
 
 
+DRIVE_FROM_END = 2  # how far the driving itself is from the end of `drive_segments`
+
+
 @dataclass(frozen=True)
 class ReadyDrive:
     """A way to drive the joint that the arm can follow without touching anything but the handle.
@@ -75,6 +78,32 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
         PathSegment("drive", drive.along, GripperCommand("move", drive.opening), None, touching, SLOW),
         PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),
     )
+
+
+def continued_drives(bench: Workbench, joint: TwinJoint, goal: float, opening: float) -> list[ReadyDrive]:
+    """Ways to take the joint on from where it stands to a goal, the hand being at its handle already.
+
+    Args:
+        bench: Surroundings; the arm's start is at the handle.
+        joint: The subtask's joint.
+        goal: Where it should stand in [rad] or [m].
+        opening: Distance between the pads in [m] with which the handle is let go.
+    """
+    motion, width = JointMotion.of(bench.twin, joint), 2 * joint.handle.half_width
+    tool, q = bench.filter.tcp_pose(bench.start_q), bench.start_q
+    reach = motion.lever(tool[:3, 3]) * abs(goal - motion.start)
+    positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
+    out = []
+    for share in SHARES if motion.hinge else (0.0,):
+        targets = motion.carried_all(tool[None], positions[1:], np.array([share]))
+        along, ok = bench.follow(q[None], list(targets))
+        leaves, far_enough = ways_off(bench, along, [targets[0][-1]])
+        if not (ok[0] and far_enough[0]) or not free_along(bench, along[0], positions[1:], leaves[0], width, opening):
+            continue
+        path = np.vstack([q[None], along[0]])
+        leave = np.vstack([path[-1:], leaves[0]])
+        out.append(ReadyDrive(q[None], path, positions, leave, opening, width, True, f"on, turning {share:.0%}"))
+    return sorted(out, key=lambda drive: path_length(drive.along))
 
 
 _Row = tuple[int, float]  # which grasp (and solution), share of the rotation
@@ -176,7 +205,7 @@ class Holds:
         positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
         targets = self._targets([(i, share) for i, share, _ in rows], positions[1:])
         along, ok = bench.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
-        leaves, ok_leave = self._ways_off(along, [t[-1] for t in targets])
+        leaves, ok_leave = ways_off(bench, along, [t[-1] for t in targets])
         bench.counts["drives_followed"] += int(np.sum(ok & ok_leave))
         out = []
         for n in np.flatnonzero(ok & ok_leave):
@@ -198,19 +227,6 @@ class Holds:
                 out.append((effort + (0.0 if grip else CAGE_EFFORT), drive))
         return out
 
-    def _ways_off(self, along: list[np.ndarray], tools: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-        """Back from the handle where the way along it ends, as far as the arm comes; whether it comes far enough."""
-        leaves: list[np.ndarray] = [path[-1:] for path in along]
-        ok = np.zeros(len(along), bool)
-        for distance in LEAVE:
-            rest = np.flatnonzero(~ok)
-            ends = np.array([along[n][-1] for n in rest]).reshape(-1, 7)
-            ways = [straight_targets(tools[n], -distance * tools[n][:3, 2]) for n in rest]
-            found, reached = self._bench.follow(ends, ways)
-            for n, leave in zip(rest[reached], (found[k] for k in np.flatnonzero(reached)), strict=True):
-                leaves[n], ok[n] = leave, True
-        return leaves, ok
-
     def _targets(self, rows: list[_Row], positions: np.ndarray) -> np.ndarray:
         tools = np.array([self._grasps[i].world_T_tcp for i, _ in rows])
         return self._motion.carried_all(tools, positions, np.array([share for _, share in rows]))
@@ -227,6 +243,26 @@ class Holds:
             ):
                 return opening
         return None
+
+
+def ways_off(bench: Workbench, along: list[np.ndarray], tools: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+    """Back from the handle where the way along it ends, as far as the arm comes; whether it comes far enough.
+
+    Args:
+        bench: Surroundings of the search.
+        along: Ways along the handle, n arrays of shape (k, 7).
+        tools: Poses of the tool at their ends, n arrays of shape (4, 4).
+    """
+    leaves: list[np.ndarray] = [path[-1:] for path in along]
+    ok = np.zeros(len(along), bool)
+    for distance in LEAVE:
+        rest = np.flatnonzero(~ok)
+        ends = np.array([along[n][-1] for n in rest]).reshape(-1, 7)
+        ways = [straight_targets(tools[n], -distance * tools[n][:3, 2]) for n in rest]
+        found, reached = bench.follow(ends, ways)
+        for n, leave in zip(rest[reached], (found[k] for k in np.flatnonzero(reached)), strict=True):
+            leaves[n], ok[n] = leave, True
+    return leaves, ok
 
 
 def free_along(

@@ -21,7 +21,7 @@ a box's faces is up: there a turn is judged on the height that it gives the obje
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -71,6 +71,8 @@ class PosedObject:
         inside: Furniture's inside, or None.
         tracked: Whether its pose is followed from the start, so that its faces can be told apart; else it was fitted
             anew to what is seen.
+        handles: Middles of the handles of its joints in the world in [m], shape (k, 3): the palm at one of them is at
+            the object.
     """
 
     name: str
@@ -82,6 +84,7 @@ class PosedObject:
     inner_radius: float = 0.0
     inside: Inside | None = None
     tracked: bool = True
+    handles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def position(self) -> np.ndarray:
@@ -111,9 +114,10 @@ class PosedObject:
         return float(self.pose[2, 3]) - self.half_height
 
     def distance_to(self, point: np.ndarray) -> float:
-        """Distance in [m] of a point in the world from the object's box; 0 inside it."""
+        """Distance in [m] of a point in the world from the object's box or the nearest of its handles; 0 inside."""
         local = self.pose[:3, :3].T @ (np.asarray(point) - self.position)
-        return float(np.linalg.norm(np.maximum(np.abs(local) - np.asarray(self.extents) / 2, 0.0)))
+        box = float(np.linalg.norm(np.maximum(np.abs(local) - np.asarray(self.extents) / 2, 0.0)))
+        return min([box, *np.linalg.norm(self.handles - point, axis=1)])
 
     def beyond_footprint(self, point: np.ndarray, margin: float) -> float:
         """Horizontal distance in [m] of a point from the footprint shrunk by `margin`; 0 inside it."""

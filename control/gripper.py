@@ -110,7 +110,7 @@ PANDA_HAND = GripperModel(
 #
 # Its fingers hang on parallelograms of links L = 57.15 mm, so that their tips move on an arc: at a distance w between
 # the pads they are sqrt(L^2 - (w / 2 + 7.8 mm - 12.7 mm)^2) past the knuckles' axes, which is 149.1 mm from the base
-# when open and 163 mm when closed, 13.9 mm further (11.8 mm at w = 80 mm, 1.6 mm at 40 mm). Here they are LINEAR jaws
+# when open and 163 mm when closed, 13.9 mm further (11.8 mm at w = 80 mm, 1.8 mm at 40 mm). Here they are LINEAR jaws
 # at their furthest reach. So that this errs on the safe side, the tool centre point lies where the tips of widely
 # open fingers still are: what lies between it and 25 mm nearer the palm is between the real pads at every width that
 # can be held, `fingertip` keeps closed tips off the table, and `pad_reach` promises nothing past that point.

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from control.trajectory import JointPath
 
 
@@ -29,6 +31,7 @@ class MotionPlan:
         description: One line for people: which grasp, which way.
         cost: Cost of the chosen candidate, lower is better.
         stats: What the search spent.
+        end: Configuration of the twin's model after the motion, shape (nq,); None where nothing was simulated.
         alternatives: Other successful paths, best first, for when retiming or the verdict turns the first one down.
     """
 
@@ -36,4 +39,5 @@ class MotionPlan:
     description: str
     cost: float
     stats: MotionStats
+    end: np.ndarray | None = None
     alternatives: tuple[JointPath, ...] = ()

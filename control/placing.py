@@ -6,10 +6,11 @@ import numpy as np
 
 from control.collision_filter import Phase
 from control.extraction import LIFT
-from control.goal_predicates import PosedObject
+from control.goal_predicates import PosedObject, judge_term
 from control.limits import REST_Q, RobotLimits
 from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp
-from control.placements import Placement, away_from, on_or_in
+from control.placements import RELEASE_GAP, Placement, away_from, on_or_in
+from control.rewards import PALM, RewardTerm
 from control.rotations import rolled
 from control.workbench import Workbench, straight_targets
 
@@ -54,7 +55,33 @@ def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]
     longest = max(map(len, offered))
     turns = max(1, AT_ONE_SPOT // len(offered))
     mixed = [p for first in range(0, longest, turns) for places in offered for p in places[first : first + turns]]
-    return mixed if len(offered) > 1 else offered[0]
+    return _meeting_others(bench, body, mixed if len(offered) > 1 else offered[0])
+
+
+def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]) -> list[Placement]:
+    """Those places at which the spec's other terms about the subject hold as well."""
+    others = [t for t in _other_terms(bench) if t.kind != "set_obj_orientation"]
+    if not others:
+        return places
+    out = []
+    for place in places:
+        there = {**bench.objects, body.name: replace(body, pose=place.world_T_object)}
+        judged = [
+            judge_term(t, there, bench.rest_palm, bench.rest_palm, bench.objects, bench.twin.support_height)
+            for t in others
+        ]
+        if all(j.residual <= RELEASE_GAP for j in judged):
+            out.append(place)
+    return out
+
+
+def _other_terms(bench: Workbench) -> list[RewardTerm]:
+    """Terms about the subject beside the primary one, those about the palm left out."""
+    terms = () if bench.spec is None else bench.spec.terms
+    subject = bench.subtask.subject
+    return [
+        t for t in terms if not t.primary and subject in (t.subject, t.carries) and PALM not in (t.subject, t.target)
+    ]
 
 
 def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
@@ -76,8 +103,9 @@ def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
 def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
     """Poses of the subject where it is, in the attitudes in which it may be put down."""
     task = bench.subtask
-    if task.manipulation == "turn":
-        return [rolled(body.pose, 0, float(task.term.value or 0.0))]
+    turn = next((t for t in (task.term, *_other_terms(bench)) if t.kind == "set_obj_orientation"), None)
+    if turn is not None:
+        return [rolled(body.pose, 0, float(turn.value or 0.0))]
     thing = bench.twin.get(body.name)
     has_handle = thing is not None and thing.handle is not None
     down = [-(body.pose @ np.linalg.inv(g.held.tcp_T_object))[2, 2] for g in ready]

@@ -25,7 +25,7 @@ from control.trajectory import (
     TrajectorySegment,
 )
 
-STROKE_SLACK = 0.15  # [s] beyond a full stroke: starting, coming to rest and noticing it
+STROKE_SLACK = 0.1  # [s] beyond a full stroke: starting, coming to rest and noticing it
 JOIN_TOLERANCE = 1e-6  # [rad] between the end of one segment and the start of the next
 
 

@@ -2,19 +2,20 @@
 
     cost = w_p r_primary(T) + sum over other terms of w_s r_i + sum over residuals of excess / scale + w_e length
 
-The primary term is judged at the end, over a horizon that covers the whole motion. A term about the palm and an object
-of a spec whose primary term is about the object ("come near the cube" beside "put the cube on the crate") is meant for
-the way there: its best moment counts. Success is a predicate of its own, never a small cost.
+Terms are judged at the end, over a horizon that covers the whole motion. A term about the palm in a spec whose primary
+term is about something else ("come near the cube" beside "put the cube on the crate") is meant for the way there: its
+best moment counts. Success is a predicate of its own, never a small cost, and every term is part of it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from control.certificate import CheckResult
 from control.goal_predicates import TermJudgement, judge_term
 from control.residuals import SafetyResidual, TwinMotion
-from control.rewards import PALM, RewardSpec
+from control.rewards import PALM, RewardSpec, RewardTerm
 from control.subtasks import posed
 from control.twin_model import TwinModel
 
@@ -29,16 +30,18 @@ class Score:
     """How one simulated motion did.
 
     Attributes:
-        success: The primary term is met at the end.
+        success: The primary term is met at the end, and every other term at its time.
         checks: Every safety residual against its limit.
         cost: Lower is better.
         judgement: Of the primary term at the end.
+        unmet: Of other terms that are not met.
     """
 
     success: bool
     checks: tuple[CheckResult, ...]
     cost: float
     judgement: TermJudgement
+    unmet: tuple[TermJudgement, ...] = ()
 
     @property
     def clean(self) -> bool:
@@ -69,28 +72,55 @@ def score_motion(
         rest_palm: Tool centre point at rest in [m], shape (3,).
         effort: The candidate's own preference in [rad].
     """
-    last = judge_at(motion, twin, spec, len(motion.time) - 1, rest_palm)
-    primary = last[spec.terms.index(spec.primary)]
+    judged = judge_terms(motion, twin, spec, [len(motion.time) - 1], rest_palm)
+    primary = judged[spec.terms.index(spec.primary)]
+    others = [j for j, term in zip(judged, spec.terms, strict=True) if not term.primary]
     cost = PRIMARY_WEIGHT * primary.residual + EFFORT_WEIGHT * effort
-    about_object = PALM not in (spec.primary.subject, spec.primary.target)
-    for i, term in enumerate(spec.terms):
-        if term.primary:
-            continue
-        residual = last[i].residual
-        if about_object and PALM in (term.subject, term.target):
-            rows = np.unique(np.linspace(0, len(motion.time) - 1, MOMENTS).astype(int))
-            residual = min(judge_at(motion, twin, spec, int(k), rest_palm)[i].residual for k in rows)
-        cost += SECONDARY_WEIGHT * residual
+    cost += SECONDARY_WEIGHT * sum(j.residual for j in others)
     checks = tuple(r.check(motion) for r in residuals)
     cost += sum(r.cost(motion) for r in residuals)
-    return Score(primary.met, checks, float(cost), primary)
+    unmet = tuple(j for j in others if not j.met)
+    return Score(primary.met and not unmet, checks, float(cost), primary, unmet)
+
+
+def judge_terms(
+    motion: TwinMotion, twin: TwinModel, spec: RewardSpec, samples: Sequence[int], rest_palm: np.ndarray
+) -> list[TermJudgement]:
+    """Judge all terms, in their order: at the worst of some samples, or on the way where a term is meant for it.
+
+    Args:
+        motion: As it went.
+        twin: For the objects' sizes.
+        spec: What was wanted.
+        samples: Where terms have to hold that are meant to last, indices.
+        rest_palm: Tool centre point at rest in [m], shape (3,).
+    """
+    at = [judge_at(motion, twin, spec, k, rest_palm) for k in samples]
+    out = [max((row[i] for row in at), key=lambda j: j.residual) for i in range(len(spec.terms))]
+    passing = [i for i, term in enumerate(spec.terms) if _on_the_way(term, spec)]
+    if passing:
+        rows = np.unique(np.linspace(0, len(motion.time) - 1, MOMENTS).astype(int))
+        way = [judge_at(motion, twin, spec, int(k), rest_palm) for k in rows]
+        for i in passing:
+            out[i] = min((row[i] for row in way), key=lambda j: j.residual)
+    return out
+
+
+def _on_the_way(term: RewardTerm, spec: RewardSpec) -> bool:
+    """Whether a term about the palm stands beside a primary term about something else."""
+    about_palm = PALM in (spec.primary.subject, spec.primary.target)
+    return not term.primary and not about_palm and PALM in (term.subject, term.target)
 
 
 def judge_at(
     motion: TwinMotion, twin: TwinModel, spec: RewardSpec, k: int, rest_palm: np.ndarray
 ) -> list[TermJudgement]:
     """Judgements of all terms at sample k, in their order."""
-    now = {name: posed(twin, name, poses[k]) for name, poses in motion.objects.items()}
+    at = {o.name: [motion.handles[j.name][k] for j in twin.joints if j.owner == o.name] for o in twin.objects}
+    now = {
+        name: replace(posed(twin, name, poses[k]), handles=np.array(at[name]).reshape(-1, 3))
+        for name, poses in motion.objects.items()
+    }
     start = {name: posed(twin, name, poses[0]) for name, poses in motion.objects.items()}
     palm = motion.tcp[k, :3, 3]
     fractions = {name: float(values[k]) for name, values in motion.fractions.items()}

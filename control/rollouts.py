@@ -50,6 +50,8 @@ class Commands:
         finger: Half of the commanded distance between the pads in [m], shape (n,).
         held: Objects in the hand and when, by step.
         free: Stretches (start, stop) in which a held object may touch nothing.
+        stops: For each segment of a path the steps after which the arm has come to rest, and after which the gripper
+            has done what it was told there; empty for trajectories.
     """
 
     arm: np.ndarray
@@ -57,6 +59,7 @@ class Commands:
     finger: np.ndarray
     held: tuple[HeldSpan, ...]
     free: tuple[tuple[int, int], ...] = ()
+    stops: tuple[tuple[int, int], ...] = ()
 
 
 def commands_for(
@@ -79,6 +82,7 @@ def commands_for(
     at = twin.gripper_width / 2  # where the fingers are, while the target may press further
     held: list[HeldSpan] = []
     free: list[tuple[int, int]] = []
+    stops: list[tuple[int, int]] = []
     count = 0
     for segment in segments:
         q, qd = _quintic(segment.q, limits, segment.speed_scale, dt)
@@ -90,6 +94,7 @@ def commands_for(
             if not segment.touching:
                 free.append((count, count + len(q)))
         count += len(q)
+        arrived = count
         if segment.gripper is not None:
             ramp = gripper_ramp(twin, at, segment.gripper, dt)
             rest = np.concatenate([ramp, np.full(round(GRIP_SETTLE / dt), ramp[-1])])
@@ -99,6 +104,7 @@ def commands_for(
             target, at = float(ramp[-1]), segment.gripper.width / 2
             count += len(rest)
             closed_for = None
+        stops.append((arrived, count))
     rest = round(END_SETTLE / dt)
     arm.append(np.repeat(segments[-1].q[-1:], rest, axis=0))
     speed.append(np.zeros((rest, 7)))
@@ -106,7 +112,14 @@ def commands_for(
     last = segments[-1].held or closed_for
     if last is not None and segments[-1].gripper is None:
         held.append(HeldSpan(last, count, count + rest))
-    return Commands(np.concatenate(arm), np.concatenate(speed), np.concatenate(finger), merge_spans(held), tuple(free))
+    return Commands(
+        np.concatenate(arm),
+        np.concatenate(speed),
+        np.concatenate(finger),
+        merge_spans(held),
+        tuple(free),
+        tuple(stops),
+    )
 
 
 def squeeze(twin: TwinModel, command: GripperCommand | None) -> float:
@@ -168,6 +181,11 @@ class Rollout:
     qvel: np.ndarray
     ctrl: np.ndarray
     commands: Commands
+
+    @property
+    def end(self) -> np.ndarray:
+        """Configuration at the end, shape (nq,)."""
+        return self.qpos[-1]
 
     @property
     def exploded(self) -> bool:

@@ -43,8 +43,8 @@ class RetimingOptions:
     Attributes:
         tolerance: Largest deviation of a joint from the waypoints' polyline in [rad]; 4 mrad of one joint move the
             hand of a stretched Panda by less than 4 mm.
-        grasp_dwell: Time that the arm rests for a grasp in [s].
-        move_dwell: Time that it rests for opening or closing to a width in [s].
+        grasp_dwell: Time that the arm rests for a grasp in [s]; longer where the gripper needs it for its whole stroke.
+        move_dwell: Time that it rests for opening or closing to a width in [s]; as for a grasp.
         margin: Share of speed and acceleration limits that the time law aims at, so that the moving averages rarely
             break them.
         widths: Lengths of the moving average to choose from, in samples; the second average has half of it.

@@ -12,6 +12,7 @@ from control.errors import ConfigError
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
+from control.rewards import RewardSpec
 from control.safety import SafetyLimits
 from control.subtasks import Subtask, palm_at, posed_objects
 from control.transits import rrt_connect, transit
@@ -29,6 +30,7 @@ class Workbench:
 
     Attributes:
         twin, subtask, safety, limits, arm, rng: As given to the search.
+        spec: All terms, where there are others about the subject beside the primary one.
         objects: The twin's objects at the start.
         supports: Names of what the subject stands on at the start.
         filter: Knows which configurations are free.
@@ -43,6 +45,7 @@ class Workbench:
     limits: RobotLimits
     arm: ArmKinematics
     rng: np.random.Generator
+    spec: RewardSpec | None = None
     objects: dict[str, PosedObject] = field(init=False)
     supports: tuple[str, ...] = field(init=False)
     filter: CollisionFilter = field(init=False)

@@ -19,6 +19,7 @@ from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.twin_model import TwinModel
 from sim_check.verdict import judge_trajectory
+from tests.arc_fingers import use_arc_fingers
 from tests.furniture_scenes import cabinet, lever
 from tests.motion_scenes import CRATE, arm, cubes, only, red_on_crate, twin_of
 from tests.sim_scenes import estimate
@@ -49,17 +50,17 @@ def test_a_cube_is_picked_placed_and_judged_safe():
     assert verdict.passed and verdict.successes == 4, verdict.failed_checks
 
 
-def wide(gripper: str) -> TwinModel:
-    """A box of 78 mm, which stands free, and a crate."""
-    box = estimate("box", (0.45, -0.15, 0.03), (0.078, 0.078, 0.06), yaw=0.3, std=0.002)
+def box_and_crate(width: float, height: float, gripper: str = NAME) -> TwinModel:
+    """A box of these sizes in [m], which stands free, and a crate."""
+    box = estimate("box", (0.45, -0.15, height / 2), (width, width, height), yaw=0.3, std=0.002)
     return twin_of(estimate("crate", (0.50, 0.15, 0.03), CRATE, yaw=0.2), box, gripper=gripper)
 
 
 def test_a_box_that_is_too_wide_for_the_pandas_hand_is_taken_with_the_2f85():
     spec = only("minimize_l2_distance", "box", "crate")
-    refused = search(wide(PANDA_HAND.name), spec)
+    refused = search(box_and_crate(0.078, 0.06, PANDA_HAND.name), spec)
     assert isinstance(refused, FailureCause) and "is 78 mm, the fingers take 76 mm" in refused.message
-    assert judge(wide(NAME), spec, perturbed=4).passed
+    assert judge(box_and_crate(0.078, 0.06), spec, perturbed=4).passed
 
 
 def test_a_box_that_is_wider_than_the_2f85_opens_is_refused_with_both_widths():
@@ -78,6 +79,22 @@ def test_a_box_that_is_wider_than_the_2f85_opens_is_refused_with_both_widths():
 def test_a_door_and_a_lever_are_driven_by_their_handles(twin, joint, fraction):
     spec = only("set_joint_fraction", joint, value=fraction)
     assert judge(twin(), spec, perturbed=2).passed
+
+
+@pytest.mark.parametrize(("width", "height"), [(0.03, 0.03), (0.05, 0.05), (0.078, 0.06)])
+def test_what_was_planned_with_linear_jaws_succeeds_with_fingers_on_the_real_arc(monkeypatch, width, height):
+    spec = only("minimize_l2_distance", "box", "crate")
+    found = search(box_and_crate(width, height), spec)
+    assert isinstance(found, MotionPlan), found
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY)
+    use_arc_fingers(monkeypatch, ROBOTIQ_2F85.opening)
+    real = box_and_crate(width, height)
+    assert real.model.neq == 3  # both arcs and the coupling of the fingers
+    tips = real.start().body("panda_leftfinger").xpos[2] - real.start().body("panda_hand").xpos[2]
+    assert tips == pytest.approx(0.0141, abs=2e-4)  # open tips are drawn back; the hand points down
+    rng = np.random.default_rng(0)
+    verdict = judge_trajectory(trajectory, real, spec, SAFETY, LIMITS, rng, 2, nthread=1, robot=robot())
+    assert verdict.passed, verdict.failed_checks
 
 
 @pytest.mark.timeout(240)

@@ -76,7 +76,7 @@ class BenchPlanner(_BenchScript):
     MODULE: ClassVar[str] = "benchmarks.planner"
 
     seeds: int = 2
-    """Number of seeds of each task."""
+    """Number of seeds of each task; one takes about three minutes in all, most of it the baseline's."""
 
 
 @dataclass(frozen=True)
