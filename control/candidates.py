@@ -20,7 +20,7 @@ from control.grasps import pose, tcp_frame
 from control.limits import REST_Q
 from control.picking import MEDIUM, SLOW, ReadyGrasp, diverse, pick_segments, reach_path, ready_grasps
 from control.placing import ReadyPlace, offered_places, ready_pairs
-from control.trajectory import GripperCommand, PathSegment
+from control.trajectory import FINGERS, GripperCommand, PathSegment
 from control.twin_model import TABLE_BODY
 from control.workbench import Workbench, path_length, straight_targets
 
@@ -293,7 +293,7 @@ def _join(
         *pick_segments(bench, grasp, reach),
         PathSegment("carry", carry, None, subject),
         PathSegment("lower", place.lower, release, subject, ((subject, carrier),), SLOW),
-        PathSegment("retreat", place.leave, None, None, ((subject, carrier),), MEDIUM),
+        PathSegment("retreat", place.leave, None, None, ((subject, carrier), (subject, FINGERS)), MEDIUM),
         PathSegment("home", home),
     ]
     effort = path_length(reach) + path_length(carry) + path_length(home) + 5.0 * place.placement.preference

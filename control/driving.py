@@ -15,7 +15,7 @@ from control.joint_motion import JointMotion
 from control.limits import REST_Q
 from control.picking import BACK_OFF, MEDIUM, SLOW, SPARE_OPENING
 from control.rotations import rotation_exp
-from control.trajectory import GripperCommand, PathSegment
+from control.trajectory import FINGERS, GripperCommand, PathSegment
 from control.twin_model import TwinJoint
 from control.workbench import Workbench, path_length, straight_targets
 
@@ -71,7 +71,7 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
     """
     opens = abs(drive.opening - gripper_width) > 0.002
     hold = GripperCommand("grasp", drive.width) if drive.grip else GripperCommand("move", drive.width + CAGE)
-    touching = ((joint, "fingers"),)
+    touching = ((joint, FINGERS),)
     return (
         PathSegment("reach", reach, GripperCommand("move", drive.opening) if opens else None),
         PathSegment("approach", drive.arrive, hold, None, touching, MEDIUM),

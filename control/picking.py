@@ -17,8 +17,8 @@ from control.grasps import BETWEEN_WALLS, USUAL, Grasp, grasps
 from control.limits import REST_Q
 from control.rotations import rolled
 from control.side_grasps import grasps_by_handle, grasps_from_the_side
-from control.trajectory import GripperCommand, PathSegment
-from control.workbench import Workbench, straight_targets
+from control.trajectory import FINGERS, GripperCommand, PathSegment
+from control.workbench import Workbench, other_terms, straight_targets
 
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
 SPARE_OPENING = 0.022  # [m] that fingers open beyond an object where they cannot open fully
@@ -187,12 +187,18 @@ def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[
     )
 
 
+def turn_asked(bench: Workbench) -> float | None:
+    """By how much in [rad] the subject has to be turned about its own x axis, or None where nothing asks for it."""
+    asked = (t for t in (bench.subtask.term, *other_terms(bench)) if t.kind == "set_obj_orientation")
+    return next((float(t.value or 0.0) for t in asked), None)
+
+
 def _points_down_later(bench: Workbench, body: PosedObject, grasp: Grasp) -> bool:
     """Whether the hand still points downwards when the object has been turned over in it, where that is asked for."""
-    task = bench.subtask
-    if task.manipulation != "turn":
+    turn = turn_asked(bench)
+    if turn is None:
         return True
-    turned = rolled(body.pose, 0, float(task.term.value or 0.0))[:3, :3]
+    turned = rolled(body.pose, 0, turn)[:3, :3]
     return bool((turned @ body.pose[:3, :3].T @ grasp.approach)[2] < -LEAST_DOWN)
 
 
@@ -227,10 +233,10 @@ def pick_segments(bench: Workbench, grasp: ReadyGrasp, reach: np.ndarray) -> lis
     touching = tuple((subject, s) for s in bench.supports)
     if grasp.grasp is None:
         return [PathSegment("lift", grasp.lift, None, subject, touching, MEDIUM)] if len(grasp.lift) > 1 else []
-    opens = abs(grasp.opening - bench.twin.gripper_width) > 0.002
+    opens, at = abs(grasp.opening - bench.twin.gripper_width) > 0.002, ((subject, FINGERS),)
     return [
         PathSegment("reach", reach, GripperCommand("move", grasp.opening) if opens else None),
-        PathSegment("approach", grasp.arrive, GripperCommand("grasp", grasp.width), None, (), MEDIUM),
+        PathSegment("approach", grasp.arrive, GripperCommand("grasp", grasp.width), None, at, MEDIUM),
         PathSegment("lift", grasp.lift, None, subject, touching, MEDIUM),
     ]
 

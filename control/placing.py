@@ -8,11 +8,10 @@ from control.collision_filter import Phase
 from control.extraction import LIFT
 from control.goal_predicates import PosedObject, judge_term
 from control.limits import REST_Q, RobotLimits
-from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp
+from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp, turn_asked
 from control.placements import RELEASE_GAP, Placement, away_from, on_or_in
-from control.rewards import PALM, RewardTerm
 from control.rotations import rolled
-from control.workbench import Workbench, straight_targets
+from control.workbench import Workbench, other_terms, straight_targets
 
 ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
 BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
@@ -60,7 +59,7 @@ def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]
 
 def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]) -> list[Placement]:
     """Those places at which the spec's other terms about the subject hold as well."""
-    others = [t for t in _other_terms(bench) if t.kind != "set_obj_orientation"]
+    others = [t for t in other_terms(bench) if t.kind != "set_obj_orientation"]
     if not others:
         return places
     out = []
@@ -73,15 +72,6 @@ def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]
         if all(j.residual <= RELEASE_GAP for j in judged):
             out.append(place)
     return out
-
-
-def _other_terms(bench: Workbench) -> list[RewardTerm]:
-    """Terms about the subject beside the primary one, those about the palm left out."""
-    terms = () if bench.spec is None else bench.spec.terms
-    subject = bench.subtask.subject
-    return [
-        t for t in terms if not t.primary and subject in (t.subject, t.carries) and PALM not in (t.subject, t.target)
-    ]
 
 
 def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
@@ -102,10 +92,9 @@ def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
 
 def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
     """Poses of the subject where it is, in the attitudes in which it may be put down."""
-    task = bench.subtask
-    turn = next((t for t in (task.term, *_other_terms(bench)) if t.kind == "set_obj_orientation"), None)
+    turn = turn_asked(bench)
     if turn is not None:
-        return [rolled(body.pose, 0, float(turn.value or 0.0))]
+        return [rolled(body.pose, 0, turn)]
     thing = bench.twin.get(body.name)
     has_handle = thing is not None and thing.handle is not None
     down = [-(body.pose @ np.linalg.inv(g.held.tcp_T_object))[2, 2] for g in ready]
@@ -132,7 +121,7 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
             seeds.append(_swung(grasp.lift[-1], lifted, target, bench.limits))
     if not index:
         return []
-    if bench.subtask.manipulation == "turn":  # the hand ends in quite another posture
+    if turn_asked(bench) is not None:  # the hand ends in quite another posture
         owners, solutions = bench.solve(np.array(targets))
     else:
         owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))

@@ -28,7 +28,7 @@ from control.limits import REST_Q
 from control.picking import MEDIUM, SLOW
 from control.rotations import rotation_log
 from control.search import Search, Tried
-from control.trajectory import GripperCommand, PathSegment
+from control.trajectory import FINGERS, GripperCommand, PathSegment
 from control.twin_model import FINGER_JOINTS, TCP_SITE, TwinModel
 from control.workbench import Workbench, path_length
 
@@ -140,7 +140,7 @@ def _driven_on(bench: Workbench, opened: GripperCommand) -> Iterator[Candidate]:
         home = bench.way(drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(goal), planner=True)
         if home is None:
             continue
-        touching = ((joint.name, "fingers"),)
+        touching = ((joint.name, FINGERS),)
         segments = (
             PathSegment("drive", drive.along, opened, None, touching, SLOW),
             PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),

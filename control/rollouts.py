@@ -19,7 +19,7 @@ from control.limits import RobotLimits
 from control.residuals import Contacts, HeldSpan, TwinMotion
 from control.rewards import RewardSpec
 from control.subtasks import Subtask
-from control.trajectory import GripperCommand, PathSegment
+from control.trajectory import FINGERS, GripperCommand, PathSegment, TrajectorySegment
 from control.twin_model import (
     ARM_ACTUATORS,
     ARM_BODIES,
@@ -52,6 +52,7 @@ class Commands:
         free: Stretches (start, stop) in which a held object may touch nothing.
         stops: For each segment of a path the steps after which the arm has come to rest, and after which the gripper
             has done what it was told there; empty for trajectories.
+        handled: What the fingers are at and when, by step: an object, or a joint by its handle.
     """
 
     arm: np.ndarray
@@ -60,6 +61,7 @@ class Commands:
     held: tuple[HeldSpan, ...]
     free: tuple[tuple[int, int], ...] = ()
     stops: tuple[tuple[int, int], ...] = ()
+    handled: tuple[HeldSpan, ...] = ()
 
 
 def commands_for(
@@ -83,6 +85,7 @@ def commands_for(
     held: list[HeldSpan] = []
     free: list[tuple[int, int]] = []
     stops: list[tuple[int, int]] = []
+    handled: list[HeldSpan] = []
     count = 0
     for segment in segments:
         q, qd = _quintic(segment.q, limits, segment.speed_scale, dt)
@@ -105,6 +108,9 @@ def commands_for(
             count += len(rest)
             closed_for = None
         stops.append((arrived, count))
+        name = handled_in(segment)
+        if name is not None:
+            handled.append(HeldSpan(name, arrived - len(q), count))
     rest = round(END_SETTLE / dt)
     arm.append(np.repeat(segments[-1].q[-1:], rest, axis=0))
     speed.append(np.zeros((rest, 7)))
@@ -119,7 +125,13 @@ def commands_for(
         merge_spans(held),
         tuple(free),
         tuple(stops),
+        merge_spans(handled),
     )
+
+
+def handled_in(segment: PathSegment | TrajectorySegment) -> str | None:
+    """What the fingers are at during a segment: what they hold, else the first thing that they may touch."""
+    return segment.held or next((a for a, b in segment.touching if b == FINGERS), None)
 
 
 def squeeze(twin: TwinModel, command: GripperCommand | None) -> float:

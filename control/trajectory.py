@@ -10,6 +10,7 @@ import numpy as np
 from control.errors import TrajectoryError
 from control.limits import JOINT_NAMES
 
+FINGERS = "fingers"  # the gripper's, in pairs of names that may touch
 SAMPLE_TIME = 1e-3  # [s]; the Panda's control period
 
 
@@ -38,7 +39,7 @@ class PathSegment:
         gripper: Command given when the segment has come to rest, or None.
         held: Name of the object in the hand while this segment is played, or None.
         touching: Pairs of names that may touch during the segment beyond fingers and held object, for instance
-            ("red_cube", "crate"); "table" is the support.
+            ("red_cube", "crate"), "table" being the support; what the fingers come to or let go stands with `FINGERS`.
         speed_scale: Share of the allowed speed to use, 0..1 (slower near contacts).
     """
 

@@ -12,7 +12,7 @@ from control.errors import ConfigError
 from control.goal_predicates import PosedObject
 from control.kinematics import ArmKinematics, default_seeds
 from control.limits import REST_Q, RobotLimits
-from control.rewards import RewardSpec
+from control.rewards import PALM, RewardSpec, RewardTerm
 from control.safety import SafetyLimits
 from control.subtasks import Subtask, palm_at, posed_objects
 from control.transits import rrt_connect, transit
@@ -181,6 +181,15 @@ class Workbench:
         if path is None:
             self.counts["transits_blocked"] += 1
         return path
+
+
+def other_terms(bench: Workbench) -> list[RewardTerm]:
+    """Terms about the subject beside the primary one, those about the palm left out."""
+    terms = () if bench.spec is None else bench.spec.terms
+    subject = bench.subtask.subject
+    return [
+        t for t in terms if not t.primary and subject in (t.subject, t.carries) and PALM not in (t.subject, t.target)
+    ]
 
 
 def resting_on(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> set[str]:

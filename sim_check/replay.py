@@ -7,7 +7,7 @@ import numpy as np
 from control.collision_filter import CollisionFilter, Phase
 from control.residuals import Clearances, HeldSpan
 from control.rewards import RewardSpec
-from control.rollouts import Commands, Rollout, gripper_ramp, merge_spans, roll_out, squeeze
+from control.rollouts import Commands, Rollout, gripper_ramp, handled_in, merge_spans, roll_out, squeeze
 from control.safety import SafetyLimits
 from control.trajectory import SAMPLE_TIME, Trajectory
 from control.twin_model import TABLE_BODY, TwinModel
@@ -41,17 +41,21 @@ def replay_commands(trajectory: Trajectory, twin: TwinModel, settle_time: float,
         stop = min(len(finger), first + len(ramp))
         finger[first:stop] = ramp[: stop - first]
         at = event.command.width / 2
-    held, free = [], []
+    held, free, handled = [], [], []
     for segment in trajectory.segments:
+        start, stop = segment.start // per_row, segment.stop // per_row
+        name = handled_in(segment)
+        if name is not None:
+            handled.append(HeldSpan(name, start, stop))
         if segment.held is None:
             continue
-        start, stop = segment.start // per_row, segment.stop // per_row
         held.append(HeldSpan(segment.held, start, stop))
         if not segment.touching:
             free.append((start, stop))
     if trajectory.segments and trajectory.segments[-1].held is not None:
         held.append(HeldSpan(trajectory.segments[-1].held, held[-1].stop, len(rows)))
-    return Commands(trajectory.q[rows], speed, finger, merge_spans(held), tuple(free))
+    spans = merge_spans(handled)
+    return Commands(trajectory.q[rows], speed, finger, merge_spans(held), tuple(free), handled=spans)
 
 
 def replay(
@@ -98,9 +102,10 @@ def measure_clearances(
         supports: What carries it at the start.
         stride: Look at every `stride`-th of the samples.
     """
-    handled = subject or twin.held
-    allowed = supports | {TABLE_BODY} | (spec.names - {handled})
-    look = CollisionFilter(twin, safety, handled, allowed, margin=0.0)
+    looks = {}
+    for handled in {subject or twin.held, *(span.name for span in rollout.commands.handled)}:
+        allowed = supports | {TABLE_BODY} | (spec.names - {handled})
+        looks[handled] = CollisionFilter(twin, safety, handled, allowed, margin=0.0)
     dt = float(rollout.time[1] - rollout.time[0])
     steps = np.arange(0, len(times), stride)
     lack = {name: np.full(len(steps), -np.inf) for name in ("self", "arm", "finger", "held")}
@@ -108,6 +113,8 @@ def measure_clearances(
     for k, step in enumerate(steps):
         row = min(round(times[step] / dt), len(rollout.qpos) - 1)
         transit = any(start <= row < stop for start, stop in rollout.commands.free)
+        at = (span.name for span in rollout.commands.handled if span.start <= row < span.stop)
+        look = looks[next(at, subject or twin.held)]
         for name, (value, body) in look.lack(rollout.qpos[row], Phase.CARRY if transit else Phase.GRASP).items():
             if name != "held" or transit:
                 lack[name][k], bodies[name][k] = value, body
