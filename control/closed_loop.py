@@ -10,7 +10,6 @@ import numpy as np
 from control.batches import Observer, SimulatedBatch, simulate
 from control.executed_motion import Piece, contact_at, geom_names
 from control.goal_predicates import TermJudgement, judge_term
-from control.grasps import MAX_OPENING
 from control.limits import REST_Q, panda_limits
 from control.rewards import RewardSpec
 from control.rollouts import FINGER_SPEED, Commands, commands_for, controls_for, roll_out
@@ -39,8 +38,8 @@ class ClosedLoop:
         self.qvel = np.zeros(twin.model.nv)
         self.warmstart = np.zeros(twin.model.nv)
         self.command, self.speed = np.array(twin.q, float), np.zeros(7)  # [rad], [rad/s]
-        self.closed = twin.held is not None or twin.gripper_width < MAX_OPENING / 4
-        self.opening = MAX_OPENING if self.closed else twin.gripper_width
+        self.closed = twin.held is not None or twin.gripper_width < twin.gripper.opening / 4
+        self.opening = twin.gripper.opening if self.closed else twin.gripper_width
         self.finger_target = 0.0 if twin.held else twin.gripper_width / 2
         self.pieces: list[Piece] = []
         self.steps, self.time = 0, 0.0
