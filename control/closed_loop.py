@@ -12,7 +12,7 @@ from control.executed_motion import Piece, contact_at, geom_names
 from control.goal_predicates import TermJudgement, judge_term
 from control.limits import REST_Q, panda_limits
 from control.rewards import RewardSpec
-from control.rollouts import FINGER_SPEED, Commands, commands_for, controls_for, roll_out
+from control.rollouts import Commands, commands_for, controls_for, roll_out
 from control.subtasks import Subtask, palm_at, posed_objects
 from control.trajectory import JointPath
 from control.twin_model import FINGER_JOINTS, TCP_SITE, TwinModel
@@ -94,7 +94,7 @@ class ClosedLoop:
         out = []
         for shut, count in zip(closed.T, counts, strict=True):
             at = np.where(shut, at, np.maximum(at, min(self.finger, self.opening / 2)))
-            way = np.arange(1, count + 1) * FINGER_SPEED * self.dt
+            way = np.arange(1, count + 1) * self.twin.gripper.planned_speed * self.dt
             closing = np.maximum(at[:, None] - way, 0.0)
             opening = np.minimum(at[:, None] + way, self.opening / 2)
             out.append(np.where(shut[:, None], closing, opening))
@@ -121,7 +121,7 @@ class ClosedLoop:
             return False
         opens = self.task.releases and self.closed and self.task.subject is not None
         closed = self.closed and not opens
-        way = self.opening / 2 / FINGER_SPEED if opens else 0.0
+        way = self.opening / 2 / self.twin.gripper.planned_speed if opens else 0.0
         count = round((SETTLE + way) / self.dt)
         fingers = self.finger_targets(np.full((1, 1), closed), np.full(1, count))[0]
         still = Commands(np.tile(self.command, (count, 1)), np.zeros((count, 7)), fingers, ())
