@@ -6,6 +6,7 @@ places in the twin.
 
     same pair           near b, or on it, and at least d from b
     same joint          at two fractions further apart than both tolerances
+    same turn           of one object by two angles, likewise
     two destinations    a on b and a on c, or on b and held in the air; unless one of b, c holds the other
     stacked both ways   a on b and b on a
     height              a held at height z and put down where its centre stays below z
@@ -27,6 +28,7 @@ from control.goal_predicates import (
     FRACTION_TOLERANCE,
     HEIGHT_TOLERANCE,
     NEAR_PALM,
+    TURN_TOLERANCE,
     VERTICAL_TOLERANCE,
     PosedObject,
 )
@@ -65,6 +67,8 @@ def _excluded(a: RewardTerm, b: RewardTerm, objects: Mapping[str, PosedObject], 
     """Why two terms, in this order, exclude each other; "" where they do not."""
     if a.kind == b.kind == "set_joint_fraction":
         return _two_fractions(a, b)
+    if a.kind == b.kind == "set_obj_orientation":
+        return _two_turns(a, b)
     if a.kind == _NEAR and b.kind == _FAR:
         return _near_and_far(a, b, objects)
     if a.kind == b.kind == _NEAR and a.carries and b.carries:
@@ -83,6 +87,13 @@ def _two_fractions(a: RewardTerm, b: RewardTerm) -> str:
     if a.subject != b.subject or apart <= 2 * FRACTION_TOLERANCE:
         return ""
     return f"'{a.subject}' can stand at one fraction only"
+
+
+def _two_turns(a: RewardTerm, b: RewardTerm) -> str:
+    apart = abs((float(a.value or 0.0) - float(b.value or 0.0) + np.pi) % (2 * np.pi) - np.pi)
+    if a.subject != b.subject or apart <= 2 * TURN_TOLERANCE:
+        return ""
+    return f"'{a.subject}' can be turned by one angle only"
 
 
 def _near_and_far(near: RewardTerm, far: RewardTerm, objects: Mapping[str, PosedObject]) -> str:

@@ -186,6 +186,11 @@ CONTRADICTIONS = {
         term(JOINT, "door", None, 0.9),
         "'door' can stand at one fraction",
     ),
+    "two turns": (
+        term("set_obj_orientation", "red_cube", None, 0.0),
+        term("set_obj_orientation", "red_cube", None, 1.57),
+        "'red_cube' can be turned by one angle only",
+    ),
     "on and in the air": (
         ON_CRATE,
         term(NEAR, "red_cube", "rest_position"),
@@ -263,6 +268,13 @@ def test_terms_that_sizes_and_places_exclude_are_found_in_the_twin_and_refused_b
         (blocked, (term(LIFT, "red_cube", None, 0.3), term(LIFT, "yellow_cube", None, 0.08))),  # it lies high already
         (fruit, (term(NEAR, "apple", "bowl"), term(FAR, "palm", "apple", 0.3))),
         (cabinet, (term(JOINT, "cabinet_left_door", None, 0.5), term(JOINT, "cabinet_left_door", None, 0.58))),
+        (
+            cubes,
+            (
+                term("set_obj_orientation", "red_cube", None, -np.pi),
+                term("set_obj_orientation", "red_cube", None, np.pi),
+            ),
+        ),
         (cabinet, (term(JOINT, "cabinet_left_door", None, 0.0), term(JOINT, "cabinet_right_door", None, 1.0))),
     ],
 )
