@@ -125,8 +125,9 @@ def draw_scene(task: MotionTask, seed: int, pose_noise: float = 0.0, mismatch: b
     Args:
         task: Which subtask.
         seed: Source of placements, of errors and of mismatch.
-        pose_noise: Spread of perceived positions along each axis in [m], normal, cut at twice of it; yaws err by 0.4
-            degrees a millimetre, joint fractions by 0.002 a millimetre.
+        pose_noise: Spread of perceived positions along each axis in [m], normal, cut at twice of it; yaws err as such
+            errors at the ends of a thing turn it, by 0.4 degrees a millimetre at most, joint fractions by 0.001 a
+            millimetre.
         mismatch: Whether the true model differs from the believed one: furniture by up to 5 mm, things by up to 4 mm
             and 4 degrees, friction and mass by 30 %, joint gains by 7 % (normal or uniform, cut there).
 
@@ -142,7 +143,7 @@ def draw_scene(task: MotionTask, seed: int, pose_noise: float = 0.0, mismatch: b
     believed = true
     if pose_noise > 0.0:
         millimetres = pose_noise * 1e3
-        seen = with_errors(exact, rng, pose_noise, yaw_deg=0.4 * millimetres, fraction=0.002 * millimetres)
+        seen = with_errors(exact, rng, pose_noise, 0.4 * millimetres, 0.001 * millimetres, by_size=True)
         believed = build_twin(cell, seen, q, OPEN_WIDTH)
     if mismatch:
         true = _mismatched(true, rng)

@@ -21,6 +21,7 @@ from control.workbench import Workbench, path_length, straight_targets
 
 SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
 DRIVE_STEP = 0.02  # [m] of the handle between waypoints
+PRESS = 0.01  # share of a joint's range that it is pressed on at an end of it: 5 mm at a door's handle
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
 LEAVE = (BACK_OFF, 0.06, 0.04)  # [m] back from a handle that was let go; the least clears the bar with the fingertips
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
@@ -58,6 +59,14 @@ class ReadyDrive:
     width: float
     grip: bool
     text: str
+
+
+def pressed_home(joint: TwinJoint, goal: float) -> float:
+    """A goal at an end of the joint's range, a little beyond it: the joint stops there, wherever it truly stands."""
+    closed, opened = joint.closed, joint.opened
+    share = joint.fraction(goal)
+    beyond = PRESS if share > 1.0 - PRESS else -PRESS if share < PRESS else 0.0
+    return goal + beyond * (opened - closed)
 
 
 def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_width: float) -> tuple[PathSegment, ...]:
@@ -135,6 +144,7 @@ class Holds:
         self._bench = bench
         self._motion = motion = JointMotion.of(bench.twin, joint, start)
         self._near = bench.start_q if near is None else near
+        goal = pressed_home(joint, goal)
         self.stations = motion.start + (goal - motion.start) * np.arange(1, ROUGH_STEPS + 1) / ROUGH_STEPS
         offered = handle_grasps(joint.handle, motion.world_T_body)
         bench.counts["grasps"] += len(offered)

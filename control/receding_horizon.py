@@ -11,7 +11,7 @@ states that it meets.
                    |x - x'| > LAGS (x_open - x_closed)              of the driven joint
                    |p - p'| > ROLLED and a term is not met          of an object that was let go
 
-The plan so far is kept and only replaced by one that scores better.
+The plan so far is only replaced by one that is as good and departs less, or better.
 """
 
 from collections.abc import Iterator
@@ -29,12 +29,13 @@ from control.picking import MEDIUM, SLOW
 from control.rotations import rotation_log
 from control.search import Search, Tried
 from control.trajectory import FINGERS, GripperCommand, PathSegment
-from control.twin_model import FINGER_JOINTS, TCP_SITE, TwinModel
+from control.twin_model import FINGER_JOINTS, TCP_SITE, TwinJoint, TwinModel
 from control.workbench import Workbench, path_length
 
 SLIPPED, TURNED = 0.006, 0.10  # [m], [rad], of a held object in the hand since it was lifted
 LAGS = 0.02  # share of a joint's range
 ROLLED = 0.02  # [m]
+NEAR_HANDLE = 0.015  # [m] of the tool from a handle's axis: further away, the handle is no longer between the pads
 MOST_REPLANS = 3
 FRESH = 2  # plans for the rest that are simulated at one departure
 
@@ -79,8 +80,14 @@ def follow(search: Search, tried: Tried) -> Tried:
         search.bench.counts["replanned"] += len(fresh)
         again = search.simulate(fresh)
         search.tried += again
-        tried = min((tried, *again), key=lambda t: t.score.rank)
+        tried = min((tried, *again), key=lambda t: _rank(search.bench, t, done - 1))
     return tried
+
+
+def _rank(bench: Workbench, tried: Tried, after: int) -> tuple[bool, bool, bool, float]:
+    """Sorts best first: success, then clean, then whether it goes as it predicts from a stop on, then cost."""
+    failed, unclean, cost = tried.score.rank
+    return failed, unclean, first_departure(bench, tried, after) is not None, cost
 
 
 def first_departure(bench: Workbench, tried: Tried, after: int = -1) -> Departure | None:
@@ -98,7 +105,8 @@ def first_departure(bench: Workbench, tried: Tried, after: int = -1) -> Departur
             off = float(rollout.qpos[row, address]) - expected
             if abs(off) > LAGS * abs(joint.opened - joint.closed):
                 text = f"{joint.name} is {joint.fraction(off + expected):.0%} open, not {joint.fraction(expected):.0%}"
-                return Departure(i, row, True, text)
+                taken = _at_handle(bench.twin, rollout.qpos[row], joint)
+                return Departure(i, row if taken else rested, taken, text)
         if segment.held is not None:
             tool, thing = _poses(bench.twin, rollout.qpos[row], segment.held)
             now = np.linalg.inv(tool) @ thing
@@ -157,8 +165,17 @@ def twin_at(twin: TwinModel, tried: Tried, departure: Departure) -> TwinModel:
     return replace(twin, qpos=qpos, q=segment.q[-1].copy(), gripper_width=float(qpos[fingers].sum()), held=held)
 
 
+def _at_handle(twin: TwinModel, qpos: np.ndarray, joint: TwinJoint) -> bool:
+    """Whether the tool is still at the bar of a joint's handle."""
+    tool, body = _poses(twin, qpos, joint.body)
+    local = np.linalg.inv(body) @ tool[:, 3] - np.append(joint.handle.centre, 1.0)
+    along = float(local[:3] @ joint.handle.axis)
+    across = float(np.linalg.norm(local[:3] - along * joint.handle.axis))
+    return across <= NEAR_HANDLE and abs(along) <= joint.handle.half_length + NEAR_HANDLE
+
+
 def _poses(twin: TwinModel, qpos: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (4, 4) of the tool and of an object in a configuration."""
+    """Poses (4, 4) of the tool and of a body in a configuration."""
     data = mujoco.MjData(twin.model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(twin.model, data)

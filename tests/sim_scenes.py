@@ -71,7 +71,7 @@ def noisy_scene(world, rng, position=0.005, yaw_deg=2.0, fraction=0.01, without=
     return with_errors(exact_scene(world, without), rng, position, yaw_deg, fraction)
 
 
-def with_errors(seen, rng, position=0.005, yaw_deg=2.0, fraction=0.01):
+def with_errors(seen, rng, position=0.005, yaw_deg=2.0, fraction=0.01, by_size=False):
     """A scene with normal errors, cut at twice their spread.
 
     Args:
@@ -80,6 +80,8 @@ def with_errors(seen, rng, position=0.005, yaw_deg=2.0, fraction=0.01):
         position: Spread along each of the world's axes in [m].
         yaw_deg: Spread of yaws in [degrees].
         fraction: Spread of joint fractions, which stay within 0 and 1.
+        by_size: Whether large things' yaws err less: as position errors at the ends of their longest level side turn
+            them, `yaw_deg` at most.
     """
 
     def error(spread, count=None):
@@ -87,7 +89,10 @@ def with_errors(seen, rng, position=0.005, yaw_deg=2.0, fraction=0.01):
 
     objects = []
     for e in seen.objects:
-        pose, yaw = np.array(e.world_T_object), error(np.deg2rad(yaw_deg))
+        spread = np.deg2rad(yaw_deg)
+        if by_size:
+            spread = min(spread, position / (np.max(e.extents[:2]) / 2))
+        pose, yaw = np.array(e.world_T_object), error(spread)
         turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
         pose[:2, :3] = turn @ pose[:2, :3]
         pose[:3, 3] += error(position, 3)

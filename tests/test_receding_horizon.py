@@ -1,0 +1,101 @@
+"""A motion is followed from stop to stop: where the twin departs from it, the rest is planned anew from there."""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from control.candidates import candidates
+from control.limits import panda_limits
+from control.motion_result import MotionPlan
+from control.motion_search import plan_motion
+from control.receding_horizon import first_departure, follow
+from control.rewards import RewardSpec
+from control.safety import SafetyLimits
+from control.search import Search
+from control.subtasks import read_subtask
+from control.twin_model import TwinModel
+from control.workbench import Workbench
+from tests.furniture_scenes import lever
+from tests.motion_scenes import arm, cubes, only, red_on_crate
+
+SAFETY = SafetyLimits()
+PULL = only("set_joint_fraction", "lever_rod", value=0.8)
+
+
+def searched(twin: TwinModel, spec: RewardSpec) -> Search:
+    """A search that has simulated its first candidates."""
+    bench = Workbench(twin, read_subtask(spec), SAFETY, panda_limits(), arm(), np.random.default_rng(0), spec=spec)
+    search = Search(bench, spec, candidates(bench), 24, nthread=1)
+    search.try_until()
+    return search
+
+
+def stiff(twin: TwinModel, joint: str, factor: float) -> TwinModel:
+    """The twin with more dry friction and damping in a joint: its handle rolls between the pads and it lags behind."""
+    model = copy.copy(twin.model)
+    dof = int(model.joint(joint).dofadr[0])
+    model.dof_frictionloss[dof] *= factor
+    model.dof_damping[dof] *= factor
+    return replace(twin, model=model)
+
+
+def slippery(twin: TwinModel, name: str, friction: float, heavier: float) -> TwinModel:
+    """The twin with smooth pads and a heavy object."""
+    model = copy.copy(twin.model)
+    for pad in ("left_pad", "right_pad"):
+        model.geom_friction[model.geom(pad).id] *= friction
+    body = model.body(name).id
+    model.body_mass[body] *= heavier
+    model.body_inertia[body] *= heavier
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(twin, model=model)
+
+
+def test_a_motion_that_goes_as_predicted_is_left_as_it_is_and_costs_nothing():
+    search = searched(cubes(), red_on_crate())
+    best, steps = search.ranked()[0], search.steps
+    assert first_departure(search.bench, best) is None
+    assert follow(search, best) is best and search.steps == steps
+
+
+def test_a_joint_that_lags_behind_is_taken_on_from_where_it_stands():
+    search = searched(stiff(lever(), "lever_rod", 4.0), PULL)
+    best = search.ranked()[0]
+    departure = first_departure(search.bench, best)
+    assert departure is not None and departure.at_handle
+    assert departure.text.startswith("lever_rod is 7") and departure.text.endswith("open, not 80%")
+    followed = follow(search, best)
+    assert followed is not best and followed.good
+    drives = [s for s in followed.candidate.segments if s.name == "drive"]
+    assert len(drives) == 2 and drives[0].gripper is None and drives[1].gripper is not None
+    assert np.allclose(drives[1].q[0], drives[0].q[-1])
+    ends = [search.bench.twin.joint_fractions(t.rollout.end)["lever_rod"] for t in (best, followed)]
+    assert abs(ends[1] - 0.8) < abs(ends[0] - 0.8)
+
+
+def test_a_joint_that_no_candidate_brings_far_enough_is_opened_by_following_closed_loop():
+    twin = stiff(lever(), "lever_rod", 8.0)
+    search = searched(twin, PULL)
+    assert not search.good()
+    found = plan_motion(twin, PULL, SAFETY, np.random.default_rng(0), kinematics=arm(), nthread=1)
+    assert isinstance(found, MotionPlan)
+    assert found.stats.counts["replanned"] > 0 and found.end is not None
+    assert twin.joint_fractions(found.end)["lever_rod"] == pytest.approx(0.8, abs=0.05)
+
+
+def test_an_object_that_slips_in_the_hand_is_noticed_where_the_arm_next_rests():
+    search = searched(slippery(cubes(), "red_cube", 0.05, 4.0), red_on_crate())
+    departures = [d for t in search.tried if (d := first_departure(search.bench, t)) is not None]
+    assert departures
+    assert all("red_cube" in d.text for d in departures)
+
+
+def test_following_is_the_same_at_any_number_of_threads():
+    twin = stiff(lever(), "lever_rod", 4.0)
+    plans = [plan_motion(twin, PULL, SAFETY, np.random.default_rng(3), kinematics=arm(), nthread=n) for n in (1, 2)]
+    assert all(isinstance(p, MotionPlan) for p in plans)
+    first, second = (np.vstack([s.q for s in p.path.segments]) for p in plans if isinstance(p, MotionPlan))
+    assert np.array_equal(first, second)
