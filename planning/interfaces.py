@@ -52,6 +52,11 @@ class Hands(Protocol):
         ...
 
 
+    def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
+        """Why a motion that was played as planned does not show on what is seen now; None where nothing explains it."""
+        ...
+
+
 class Judgement(Protocol):
     """Whether a term is met (`control.goal_predicates.TermJudgement` is one)."""
 

@@ -225,7 +225,9 @@ class _Run:
         latest = after or self.sight.look()  # fresh eyes after every motion, whatever came of it
         if cause is None:
             cause = self._judged(spec, latest, scene)
-        else:
+            if cause is not None and cause.kind == "not_achieved":
+                cause = self.hands.explain(spec, latest) or cause
+        if cause is not None:
             self.say(f"failed: {cause.kind}: {cause.message}")
         if cause is None:
             self.achieved.append(_Achieved(action, spec, scene))

@@ -126,6 +126,26 @@ class TwinCheckedHands:
         self._film.stills.append(("the twin, from what was seen", render_twin(twin)))
         return self._play(trajectory, verdict, twin, spec)
 
+    def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
+        """Why a motion that was played as planned does not show: a lock, or bodies in the way; None for anything else.
+
+        Args:
+            spec: What it should have achieved.
+            scene: What is seen now.
+        """
+        state = self._client.state()
+        held = self._held if state.grasped else None
+        try:
+            twin = build_twin(self._cell, scene, np.array(state.q_d), state.gripper_width, held)
+        except StackError:
+            return None  # the next attempt says so
+        cause = diagnose(twin, spec, None, self._safety, self._rng, self._kinematics)
+        self.steps += int(cause.evidence.get("steps", 0))
+        if cause.kind not in ("locked", "blocked_by"):
+            return None
+        self._episode.log("explained", cause=cause)
+        return cause
+
     def _judge_first_that_passes(
         self, plan: MotionPlan, twin: TwinModel, spec: RewardSpec
     ) -> tuple[Trajectory, Verdict] | FailureCause:

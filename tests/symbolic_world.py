@@ -49,6 +49,7 @@ class World:
         failures: Causes that the next attempts end with, first one first, whatever is asked.
         undo: How many of the next motions are played without effect.
         looks, specs: What was asked so far.
+        explanation: What the hands say of motions that were played without effect.
     """
 
     places: dict[str, str]
@@ -59,6 +60,7 @@ class World:
     undo: int = 0
     looks: int = 0
     specs: list[RewardSpec] = field(default_factory=list)
+    explanation: FailureCause | None = None
 
     # eyes
 
@@ -113,6 +115,9 @@ class World:
             self.beside.pop(subject, None)
             self.places[subject] = target if term.kind == "minimize_l2_distance" else "table"
         return AttemptResult(True, stats={"steps": 1})
+
+    def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
+        return self.explanation
 
     # judge
 

@@ -180,6 +180,14 @@ def test_a_motion_without_effect_is_not_taken_for_success():
     assert result.causes[0].message == "red_cube is not on crate"
 
 
+def test_what_the_twin_knows_of_a_motion_without_effect_is_the_cause():
+    world = cubes()
+    world.undo = 1
+    world.explanation = FailureCause("locked", "red_cube", "nothing that was seen holds 'red_cube'")
+    result = reach("place the red cube on the crate", world)
+    assert result.reached and result.causes[0] == world.explanation
+
+
 @pytest.mark.parametrize("kind", ["tracking_error", "lost_grasp", "no_candidate", "refused_by_robot"])
 def test_a_failure_of_the_motion_does_not_abandon_a_sound_plan(kind):
     world = cubes()
