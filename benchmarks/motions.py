@@ -44,10 +44,9 @@ from control.trajectory import Trajectory
 from control.twin_model import TwinModel
 from sim_check.cells import load_cell
 from sim_check.replay import replay
-from sim_check.twin import possible_twins
+from sim_check.twin import possible_twins, worlds_to_try
 from sim_check.verdict import judge_trajectory
 
-DOUBTS = 3  # perturbed twins in which the candidates' planner tries its plans, as a run does
 SUCCESS = ("reward_met", "released", "settled")
 SIDE_EFFECTS = ("moved", "joint_moved", "tipped")
 FORCES = ("contact_force", "unwanted_contact", "self_contact")
@@ -90,7 +89,6 @@ class Job:
     pose_noise: float
     mismatch: bool
     nthread: int
-    doubts: int
 
 
 def run_job(job: Job) -> Run:
@@ -112,7 +110,7 @@ def run_scene(job: Job, scene: Scene, safety: SafetyLimits) -> tuple[Run, Trajec
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         if job.planner == "candidates":
-            variants = possible_twins(scene.believed, rng, job.doubts)
+            variants = possible_twins(scene.believed, rng, worlds_to_try(scene.believed))  # as a run does
             plan = plan_motion(
                 scene.believed, scene.spec, safety, rng, kinematics=arm, nthread=job.nthread, variants=variants
             )
@@ -253,14 +251,13 @@ def main() -> int:
     parser.add_argument("--pose-noise-mm", type=float, default=0.0, help="spread of perceived positions per axis")
     parser.add_argument("--mismatch", action="store_true", help="let the true model differ from the believed one")
     parser.add_argument("--jobs", type=int, default=1, help="processes; wall times count with 1 only")
-    parser.add_argument("--doubts", type=int, default=DOUBTS, help="perturbed twins that plans are tried in")
     parser.add_argument("--runs-of-each", action="store_true", help="add every single run to the JSON")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     args = parser.parse_args()
     errors = args.pose_noise_mm > 0 or args.mismatch
     motions = [m for m in args.motions if m != "chain" or not errors]
     jobs = [
-        Job(m, s, args.planner, args.pose_noise_mm / 1e3, args.mismatch, 2 if args.jobs == 1 else 1, args.doubts)
+        Job(m, s, args.planner, args.pose_noise_mm / 1e3, args.mismatch, 2 if args.jobs == 1 else 1)
         for m in motions
         for s in range(args.runs)
     ]

@@ -24,7 +24,7 @@ from control.twin_model import (
 )
 
 PLANNING_MARGIN = 0.003  # [m] on top of the judged clearances: what smoothing, tracking and sampling may eat
-DRIVE_MARGIN = 0.006  # [m] more between hand and panel while a joint is driven: loaded servos and doors lag
+DRIVE_MARGIN = 0.006  # [m] more between hand and door or handle while a joint is driven: loaded servos and doors lag
 NEAR_MARGIN = 0.001  # [m], the same for the last stretch to a grasp between close walls: slow, short and straight
 SELF_TOLERANCE = 0.001  # [m] between what is planned and what is judged of the robot's own parts
 HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
@@ -423,6 +423,7 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
         t[_Kind.ARM, _Kind.PANEL], t[_Kind.FINGER, _Kind.PANEL] = arm, finger
         if phase == Phase.DRIVE:
             t[_Kind.ARM, _Kind.PANEL] += DRIVE_MARGIN
+            t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED + DRIVE_MARGIN
             for part in (_Kind.OBJECT, _Kind.PANEL):
                 t[part, _Kind.WORLD] = t[part, _Kind.SUPPORT] = t[part, _Kind.BASE] = held
         table[phase] = np.maximum(t, t.T)

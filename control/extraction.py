@@ -19,7 +19,9 @@ IN_FRONT = 0.12  # [m] in front of an opening where the object's centre is then
 LONGEST = 0.45  # [m] of a move sideways
 STEP = 0.01  # [m] between poses that are looked at
 BEYOND = 0.02  # [m] that a move goes on after the object has come free
+LAST = 0.04  # [m] of a last move towards the robot
 GO_ON = 0.15  # [m] that it could still go then, upwards or towards the robot
+SAME = np.cos(np.radians(0.5))  # cosine of the angle below which two directions are one
 COMPASS = 8  # directions that are tried beside the object's own axes
 
 
@@ -57,62 +59,82 @@ def ways_out(bench: Workbench) -> list[WayOut]:
     if _free(bench, pose, up):
         return [up]
     found = []
-    for direction in _directions(pose):
-        length = _length(bench, pose, direction)
-        if length is not None:
-            found.append(WayOut(np.array([[0.0, 0.0, RISE], length * direction])))
+    for direction in _directions(bench, pose):
+        way = _sideways(bench, pose, direction)
+        if way is not None:
+            found.append(way)
     return sorted(found, key=lambda way: way.length) or [up]
 
 
 def _free(bench: Workbench, pose: np.ndarray, way: WayOut) -> bool:
     poses = way.targets(pose)
-    return (
-        bench.filter.object_clear(poses[-1], Phase.CARRY)
-        and all(bench.filter.object_clear(p, Phase.EXTRACT) for p in poses[:-1])
-        and _open(bench, poses[-1])
-    )
+    return _goes(bench, poses) and _open(bench, poses[-1])
 
 
 def _open(bench: Workbench, pose: np.ndarray) -> bool:
     """Whether the object could go on from a pose, upwards or towards the robot: in a loop or a box it could not."""
-    inwards = bench.base_position - pose[:3, 3]
-    inwards[2] = 0.0
-    for direction in (np.array([0.0, 0.0, 1.0]), inwards / max(float(np.linalg.norm(inwards)), 1e-9)):
+    for direction in (np.array([0.0, 0.0, 1.0]), _inwards(bench, pose)):
         ahead = straight_targets(pose, GO_ON * direction)
         if all(bench.filter.object_clear(p, Phase.CARRY) for p in ahead):
             return True
     return False
 
 
-def _directions(pose: np.ndarray) -> list[np.ndarray]:
-    """Level unit vectors: the object's own axes both ways, and those of a compass that differ from them."""
+def _directions(bench: Workbench, pose: np.ndarray) -> list[np.ndarray]:
+    """Level unit vectors: the object's own axes both ways, those of what stands fixed, and those of a compass.
+
+    A slot may be turned by a degree against what was perceived in it, which is a finger's breadth at its end.
+    """
+    fixed = [bench.objects[o.name].pose[:3, :3].T for o in bench.twin.objects if not o.movable]
+    own = pose[:3, :3].T
     angles = np.arange(COMPASS) * 2 * np.pi / COMPASS
-    compass = [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
+    compass = np.array([[np.cos(a), np.sin(a), 0.0] for a in angles])
     out: list[np.ndarray] = []
-    for axis in (*pose[:3, :3].T, *(-pose[:3, :3].T), *compass):
+    for axis in np.vstack([own, -own, *fixed, *(-f for f in fixed), compass]):
         level = np.array([axis[0], axis[1], 0.0])
         size = np.linalg.norm(level)
-        if size > 0.9 and not any(level @ known / size > 0.98 for known in out):
+        if size > 0.9 and not any(level @ known / size > SAME for known in out):
             out.append(level / size)
     return out
 
 
-def _length(bench: Workbench, pose: np.ndarray, direction: np.ndarray) -> float | None:
-    """How far in [m] the object has to go in a direction, or None where something is in the way or it is too far."""
-    out = pose.copy()
-    out[2, 3] += RISE
-    free_since = None
+def _sideways(bench: Workbench, pose: np.ndarray, direction: np.ndarray) -> WayOut | None:
+    """The shortest way in a direction, or None where something is in the way or it is too far.
+
+    It ends `BEYOND` after the object has come free. What slides along a wall comes free of it only by a last move
+    towards the robot, as soon as nothing is before it any more.
+    """
+    rise = np.array([0.0, 0.0, RISE])
+    out, free_since = pose.copy(), None
+    last = LAST * _inwards(bench, pose)
     for length in np.arange(0.0, LONGEST + STEP / 2, STEP):
-        out[:3, 3] = pose[:3, 3] + np.array([0.0, 0.0, RISE]) + length * direction
+        out[:3, 3] = pose[:3, 3] + rise + length * direction
         if not bench.filter.object_clear(out, Phase.EXTRACT):
             return None
         if not bench.filter.object_clear(out, Phase.CARRY):
             free_since = None
-        elif free_since is None:
-            free_since = length
-        if free_since is not None and length - free_since >= BEYOND and _open(bench, out):
-            return float(length)
+            back = straight_targets(out, last)
+            if _goes(bench, back) and _open(bench, back[-1]):
+                return WayOut(np.array([rise, length * direction, last]))
+            continue
+        free_since = length if free_since is None else free_since
+        if length - free_since >= BEYOND and _open(bench, out):
+            return WayOut(np.array([rise, length * direction]))
     return None
+
+
+def _goes(bench: Workbench, poses: np.ndarray) -> bool:
+    """Whether the object can be moved through poses (n, 4, 4) and is free at the last."""
+    return bench.filter.object_clear(poses[-1], Phase.CARRY) and all(
+        bench.filter.object_clear(p, Phase.EXTRACT) for p in poses[:-1]
+    )
+
+
+def _inwards(bench: Workbench, pose: np.ndarray) -> np.ndarray:
+    """Level unit vector from a pose towards the robot, shape (3,)."""
+    way = bench.base_position - pose[:3, 3]
+    way[2] = 0.0
+    return way / max(float(np.linalg.norm(way)), 1e-9)
 
 
 def _through_opening(bench: Workbench, pose: np.ndarray) -> WayOut | None:

@@ -102,22 +102,30 @@ def _usual(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[Read
     thing = bench.twin.get(body.name)
     if thing is not None and thing.handle is not None:
         offered += grasps_by_handle(thing.handle, body.pose)
-    return _easiest(bench, body, _ways(bench, body, offered, outs))
+    return _easiest(bench, body, _ways(bench, body, offered, outs), bench.filter)
 
 
 def _from_the_side(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """With one finger above and one below, where there is room for the hand."""
     offered = grasps_from_the_side(body, bench.safety, bench.twin.gripper)
-    return _easiest(bench, body, _ways(bench, body, offered, outs)) if offered else []
+    if not offered:
+        return []
+    ways = _ways(bench, body, offered, outs)
+    out = _easiest(bench, body, ways, bench.filter)
+    if not out:
+        near = bench.near_filter()
+        out = _easiest(bench, body, ways, near)
+        bench.filter.checks += near.checks
+    return out
 
 
-def _easiest(bench: Workbench, body: PosedObject, ways: _Ways) -> list[ReadyGrasp]:
-    """Up to `MOST_READY` of some ways that are free, least effort first."""
+def _easiest(bench: Workbench, body: PosedObject, ways: _Ways, near: CollisionFilter) -> list[ReadyGrasp]:
+    """Up to `MOST_READY` of some ways that are free, least effort first; `near` judges next to the grasp."""
     widest = bench.twin.gripper.opening
     out: list[ReadyGrasp] = []
     for i in np.argsort(ways.efforts, kind="stable"):
         openings = (widest, min(widest, ways.grasps[i].width + SPARE_OPENING))
-        ready = _ready(bench, body, ways, int(i), openings, bench.filter)
+        ready = _ready(bench, body, ways, int(i), openings, near)
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break

@@ -11,6 +11,7 @@ from control.limits import REST_Q, RobotLimits
 from control.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp, turn_asked
 from control.placements import RELEASE_GAP, Placement, away_from, on_or_in
 from control.rotations import rolled
+from control.side_grasps import ROLLED_DROP
 from control.workbench import Workbench, other_terms, straight_targets
 
 ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
@@ -50,11 +51,19 @@ def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]
     body = bench.objects[str(bench.subtask.subject)]
     attitudes = [replace(body, pose=pose) for pose in _attitudes(bench, body, ready)]
     offered = [_places_of(bench, a) for a in attitudes]
+    if len(attitudes) > 1:
+        offered = [[_raised(p, ROLLED_DROP) for p in places] for places in offered]
     # All attitudes at one spot before the next spot.
     longest = max(map(len, offered))
     turns = max(1, AT_ONE_SPOT // len(offered))
     mixed = [p for first in range(0, longest, turns) for places in offered for p in places[first : first + turns]]
     return _meeting_others(bench, body, mixed if len(offered) > 1 else offered[0])
+
+
+def _raised(place: Placement, by: float) -> Placement:
+    pose = place.world_T_object.copy()
+    pose[2, 3] += by
+    return replace(place, world_T_object=pose)
 
 
 def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]) -> list[Placement]:
@@ -69,7 +78,7 @@ def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]
             judge_term(t, there, bench.rest_palm, bench.rest_palm, bench.objects, bench.twin.support_height)
             for t in others
         ]
-        if all(j.residual <= RELEASE_GAP for j in judged):
+        if all(j.residual <= RELEASE_GAP + ROLLED_DROP for j in judged):
             out.append(place)
     return out
 

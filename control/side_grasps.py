@@ -17,6 +17,8 @@ HEADINGS = 12  # directions in which a level hand comes, over a full turn
 PITCHES = np.radians([0.0, 15.0])  # of that hand below the horizontal; more would close askew
 FINGER_HALF_WIDTH = 0.010  # [m] of either gripper's fingers, along the object
 LEAST_DEPTH = 0.008  # [m] of the object that lies between the pads at least
+# [m] that an object is let drop which had to be rolled: deep holds miss it less, and a bar falls without harm.
+ROLLED_DROP = 0.008
 LEAST_SLANT = 0.5  # of that direction along the object's shorter level axis: hands along a bar meet nothing but its end
 ALONG = (0.0, 0.35, -0.35, 0.6, -0.6, 0.8, -0.8)  # points along an object's longest level axis, in half lengths
 
@@ -56,10 +58,12 @@ def grasps_from_the_side(body: PosedObject, safety: SafetyLimits, gripper: Gripp
             continue
         depth = half[across] / slant
         # The object will be put down on its far side, by a hand that leans over by this much: fingertips must not reach
-        # through it.
+        # through it further than it is let drop then.
         corner = gripper.fingertip * slant + FINGER_HALF_WIDTH * np.sqrt(1.0 - min(1.0, slant) ** 2)
         through = (corner + safety.finger_clearance + ABOVE_TABLE - half[across]) / slant
-        back = max(0.0, depth - gripper.palm_room, min(through, gripper.fingertip + depth - LEAST_DEPTH))
+        most = gripper.fingertip + depth - LEAST_DEPTH
+        # Deep first; less deep where something stands close behind the object.
+        backs = {max(0.0, depth - gripper.palm_room, min(t, most)) for t in (through - ROLLED_DROP / slant, through)}
         for pitch in PITCHES:
             approach = forward * np.cos(pitch) - np.array([0.0, 0.0, np.sin(pitch)])
             for flip in (1.0, -1.0):
@@ -67,6 +71,8 @@ def grasps_from_the_side(body: PosedObject, safety: SafetyLimits, gripper: Gripp
                 for share in ALONG:
                     if share and half[longest] * (1 - abs(share)) < LEAST_HOLD:
                         continue
-                    point = body.position + share * half[longest] * body.pose[:3, longest] - back * approach
-                    out.append(Grasp(pose(turn, point), approach, width, float(pitch)))
+                    at = body.position + share * half[longest] * body.pose[:3, longest]
+                    out += [
+                        Grasp(pose(turn, at - back * approach), approach, width, float(pitch)) for back in sorted(backs)
+                    ]
     return out

@@ -51,7 +51,6 @@ class Hands(Protocol):
         """
         ...
 
-
     def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         """Why a motion that was played as planned does not show on what is seen now; None where nothing explains it."""
         ...

@@ -25,13 +25,12 @@ from replan.film import FILM_RATE, Film
 from sim_check.cells import CellConfig
 from sim_check.diagnosis import diagnose
 from sim_check.render import render_twin
-from sim_check.twin import build_twin, possible_twins
+from sim_check.twin import build_twin, possible_twins, worlds_to_try
 from sim_check.verdict import judge_trajectory
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient, ExecutionReport, Progress
 
-DOUBTS = 3  # perturbed twins in which plans are tried before one is chosen
 MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
 
 
@@ -110,7 +109,7 @@ class TwinCheckedHands:
         except StackError as error:
             # What was seen cannot stand like that: a reason to look again, not to end the run.
             return self._failed(FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}"))
-        variants = possible_twins(twin, self._rng, DOUBTS)
+        variants = possible_twins(twin, self._rng, worlds_to_try(twin))
         plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics, variants=variants)
         if isinstance(plan, FailureCause):
             cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)

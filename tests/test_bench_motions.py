@@ -83,7 +83,7 @@ def test_figures_count_every_run_and_name_those_that_were_not_clean():
 
 
 def test_a_motion_is_planned_retimed_and_judged():
-    run = run_job(Job("lift", 0, "candidates", 0.0, False, 1, 1))
+    run = run_job(Job("lift", 0, "candidates", 0.0, False, 1))
     assert run.passed and run.clean and run.steps > 1000 and 2.0 < run.duration_s < 6.0
 
 

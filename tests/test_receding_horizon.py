@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-import pytest
 
 from control.candidates import candidates
 from control.limits import panda_limits
@@ -18,11 +17,11 @@ from control.search import Search
 from control.subtasks import read_subtask
 from control.twin_model import TwinModel
 from control.workbench import Workbench
-from tests.furniture_scenes import lever
+from tests.furniture_scenes import cabinet, lever
 from tests.motion_scenes import arm, cubes, only, red_on_crate
 
 SAFETY = SafetyLimits()
-PULL = only("set_joint_fraction", "lever_rod", value=0.8)
+PULL = only("set_joint_fraction", "lever_rod", value=1.0)
 
 
 def searched(twin: TwinModel, spec: RewardSpec) -> Search:
@@ -62,28 +61,30 @@ def test_a_motion_that_goes_as_predicted_is_left_as_it_is_and_costs_nothing():
 
 
 def test_a_joint_that_lags_behind_is_taken_on_from_where_it_stands():
-    search = searched(stiff(lever(), "lever_rod", 4.0), PULL)
+    search = searched(stiff(lever(), "lever_rod", 12.0), PULL)
     best = search.ranked()[0]
     departure = first_departure(search.bench, best)
     assert departure is not None and departure.at_handle
-    assert departure.text.startswith("lever_rod is 7") and departure.text.endswith("open, not 80%")
+    assert departure.text.startswith("lever_rod is 9") and departure.text.endswith("open, not 101%")
     followed = follow(search, best)
     assert followed is not best and followed.good
     drives = [s for s in followed.candidate.segments if s.name == "drive"]
     assert len(drives) == 2 and drives[0].gripper is None and drives[1].gripper is not None
     assert np.allclose(drives[1].q[0], drives[0].q[-1])
     ends = [search.bench.twin.joint_fractions(t.rollout.end)["lever_rod"] for t in (best, followed)]
-    assert abs(ends[1] - 0.8) < abs(ends[0] - 0.8)
+    assert abs(ends[1] - 1.0) < abs(ends[0] - 1.0)
 
 
-def test_a_joint_that_no_candidate_brings_far_enough_is_opened_by_following_closed_loop():
-    twin = stiff(lever(), "lever_rod", 8.0)
-    search = searched(twin, PULL)
-    assert not search.good()
-    found = plan_motion(twin, PULL, SAFETY, np.random.default_rng(0), kinematics=arm(), nthread=1)
-    assert isinstance(found, MotionPlan)
-    assert found.stats.counts["replanned"] > 0 and found.end is not None
-    assert twin.joint_fractions(found.end)["lever_rod"] == pytest.approx(0.8, abs=0.05)
+def test_a_door_that_is_lost_on_the_way_is_taken_again_from_where_it_stands():
+    twin = stiff(cabinet(), "cabinet_left_door", 8.0)
+    search = searched(twin, only("set_joint_fraction", "cabinet_left_door", value=0.8))
+    best = search.ranked()[0]
+    departure = first_departure(search.bench, best)
+    assert not best.good and departure is not None and not departure.at_handle
+    followed = follow(search, best)
+    ends = [twin.joint_fractions(t.rollout.end)["cabinet_left_door"] for t in (best, followed)]
+    assert ends[1] > ends[0] + 0.1
+    assert search.bench.counts["replanned"] > 0
 
 
 def test_an_object_that_slips_in_the_hand_is_noticed_where_the_arm_next_rests():
@@ -94,7 +95,7 @@ def test_an_object_that_slips_in_the_hand_is_noticed_where_the_arm_next_rests():
 
 
 def test_following_is_the_same_at_any_number_of_threads():
-    twin = stiff(lever(), "lever_rod", 4.0)
+    twin = stiff(lever(), "lever_rod", 12.0)
     plans = [plan_motion(twin, PULL, SAFETY, np.random.default_rng(3), kinematics=arm(), nthread=n) for n in (1, 2)]
     assert all(isinstance(p, MotionPlan) for p in plans)
     first, second = (np.vstack([s.q for s in p.path.segments]) for p in plans if isinstance(p, MotionPlan))

@@ -9,7 +9,7 @@ from control.limits import REST_Q
 from control.twin_model import TCP_SITE
 from perception.estimates import ObjectEstimate
 from sim_check.cells import load_cell
-from sim_check.twin import TWIN_STEP, build_twin, perturbed_twin
+from sim_check.twin import TWIN_STEP, build_twin, perturbed_twin, worlds_to_try
 from sim_check.world import build_world
 from tests.sim_scenes import estimate, exact_scene, scene
 
@@ -234,3 +234,10 @@ def test_a_scale_of_zero_gives_the_twin_again_and_the_same_seed_the_same_perturb
     assert np.abs(same.qpos - twin.qpos).max() < 1e-4
     first, again = (perturbed_twin(twin, np.random.default_rng(7)) for _ in range(2))
     assert np.array_equal(first.qpos, again.qpos)
+
+
+def test_the_less_is_known_the_more_worlds_a_plan_is_tried_in():
+    def known_to(std):
+        return worlds_to_try(twin_of(estimate("red_cube", (0.45, 0.0, 0.025), (0.05, 0.05, 0.05), std=std)))
+
+    assert [known_to(s) for s in (0.001, 0.003, 0.004, 0.005, 0.02)] == [3, 3, 6, 8, 8]
