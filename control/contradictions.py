@@ -36,7 +36,6 @@ from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from control.subtasks import posed_objects
 from control.twin_model import TwinModel
 
-_PLACES = frozenset({PALM, REST_POSITION})
 _NEAR, _FAR = "minimize_l2_distance", "maximize_l2_distance"
 
 

@@ -75,11 +75,6 @@ class SamplingSettings:
             )
 
 
-# Looks further ahead with fewer samples: put things in their place in two of four runs instead of one, for a third more
-# steps. Longer still (32 samples, 1.6 s, noise 0.25 rad, re-planned every 0.2 s) did worse, with doors as well.
-LONG_HORIZON = SamplingSettings(trajectories=48, horizon=1.0, points=5, fine_noise=0.3)
-
-
 class SplineSampler:
     """The nominal spline and how it is improved."""
 
