@@ -127,23 +127,27 @@ def run_loop(driver: Driver, node: RobotNode, leash: Leash, speed: float) -> Non
     due = clock()  # wall time at which the next burst begins
     moving = False
     stall = 0.0  # longest that the loop stood still without a reason since the last burst
+    # Time is accounted for from mark to mark without a gap, so a process may be suspended anywhere and it shows.
+    mark, used = clock(), time.process_time()
     while not leash.ended():
-        begun, wait = clock(), max(0.0, due - clock())
+        wait = max(0.0, due - clock())
         spent = node.serve(wait)
         due += spent  # robot time stands still while a picture is taken
-        stall = max(stall, clock() - begun - spent - wait)
+        now, cpu = clock(), time.process_time()
+        # An answer is a reason to stand still only as far as it was worked on: a suspended process works on nothing.
+        stall = max(stall, now - mark - wait - min(spent, cpu - used))
+        mark, used = now, cpu
         if driver.moving and not moving:
-            due, stall = clock(), 0.0  # a motion has just been accepted: begin now
-        elif clock() < due:
+            due = now  # a motion has just been accepted: begin now
+        elif now < due:
             continue
         if stall > FROZEN_AFTER and driver.moving:
             driver.reflex("frozen", f"the robot process stood still for {stall:.1f} s in a motion")
+        stall = 0.0
         moving = driver.moving
         burst = BURST if moving else IDLE_BURST
-        begun = clock()
         for _ in range(round(burst / SAMPLE_TIME)):
             driver.tick()
-        stall = clock() - begun
         pace = speed if moving else 1.0
         # A loop that is too slow for the pace runs late; it never hurries to catch up for more than a moment.
         due = max(due + burst / pace, clock() - MOST_LATE) if pace > 0.0 else clock()
