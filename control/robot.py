@@ -1,6 +1,7 @@
 """Rigid-body model of the Panda with Pinocchio: where the hand is, and what torques a motion takes."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,19 @@ from control.errors import ConfigError
 from control.gripper import PANDA_HAND, GripperModel
 from control.limits import JOINT_NAMES
 from control.robot_description import TCP_FRAME, arm_model
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What the hand carries, taken as a point.
+
+    Attributes:
+        mass: In [kg].
+        com: Its centre of mass in the tcp frame in [m], (x, y, z).
+    """
+
+    mass: float
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class RobotModel:
@@ -58,19 +72,27 @@ class RobotModel:
         Raises:
             ConfigError: A mass or width out of range, or the description is not installed.
         """
-        import pinocchio  # pyright: ignore[reportMissingImports] -- its path is added by a .pth file
-
-        if not (np.isfinite(payload_mass) and payload_mass >= 0.0):
-            raise ConfigError(f"payload_mass is {payload_mass} kg; it must be a number >= 0")
         width = gripper.opening if finger_width is None else finger_width
         if not 0.0 <= width <= gripper.opening:
             raise ConfigError(f"finger_width is {width} m; the hand opens from 0 to {gripper.opening} m")
         model = arm_model(gripper, width)
-        if payload_mass > 0.0:
-            frame = model.frames[model.getFrameId(TCP_FRAME)]
-            point = pinocchio.Inertia(payload_mass, np.asarray(payload_com, float), np.zeros((3, 3)))
-            model.inertias[frame.parentJoint] += frame.placement.act(point)
-        return cls(model, gripper=gripper)
+        robot = cls(model, gripper=gripper)
+        x, y, z = (float(v) for v in payload_com)
+        return robot if payload_mass == 0.0 else robot.with_payload(Payload(payload_mass, (x, y, z)))
+
+    def with_payload(self, payload: Payload) -> "RobotModel":
+        """The same robot with something more in its hand.
+
+        Raises:
+            ConfigError: Its mass is negative or not finite.
+        """
+        if not (np.isfinite(payload.mass) and payload.mass >= 0.0 and np.all(np.isfinite(payload.com))):
+            raise ConfigError(f"payload_mass is {payload.mass} kg at {payload.com}; it must be a number >= 0")
+        model = self._model.copy()
+        frame = model.frames[self._tcp]
+        point = self._pin.Inertia(payload.mass, np.asarray(payload.com, float), np.zeros((3, 3)))
+        model.inertias[frame.parentJoint] += frame.placement.act(point)
+        return RobotModel(model, frame.name, self.gripper)
 
     @property
     def mass(self) -> float:
