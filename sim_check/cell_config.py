@@ -14,6 +14,7 @@ from control.gripper import GripperModel, gripper_model
 from control.safety import SafetyLimits
 from perception.frames import CameraIntrinsics
 from sim_check.furniture_config import FurnitureConfig
+from sim_check.poses_config import PoseConfig
 from sim_check.simulation_config import DepthNoiseConfig, PlacementConfig, SimulationConfig, check_simulation
 from sim_check.strict_config import Name, Positive, Strict, Vector3
 
@@ -173,6 +174,7 @@ class CellConfig(Strict):
         workspace: Box that the hand must stay in.
         objects: Names that can be asked for; lower case with underscores, a noun with words before it (`red_cube`).
         furniture: What stands fixed, by name: kind and sizes. Where it stands and how far it is open is perceived.
+        poses: Where things stand as a person measured them, for validating motions without a camera.
         safety: Changes of the safety table, by the names of `control.safety.SafetyLimits`.
         options: Switches of this cell and whether they are on.
         simulation: What the simulated cell holds; null when the cell is real only.
@@ -185,6 +187,7 @@ class CellConfig(Strict):
     workspace: BoxConfig = BoxConfig()
     objects: Annotated[tuple[Name, ...], Field(min_length=1)]
     furniture: dict[Name, FurnitureConfig] = Field(default_factory=dict)
+    poses: dict[Name, PoseConfig] = Field(default_factory=dict)
     safety: dict[str, Any] = Field(default_factory=dict)
     options: dict[Name, bool] = Field(default_factory=dict)
     simulation: SimulationConfig | None = None
@@ -215,6 +218,10 @@ class CellConfig(Strict):
         for name in self.furniture:
             if name in self.objects:
                 raise ValueError(f"'{name}' is both an object and furniture; furniture is not named in objects")
+        for name in self.poses:
+            if name not in self.objects and name not in self.furniture:
+                known = sorted({*self.objects, *self.furniture})
+                raise ValueError(f"poses.{name}: this cell has no such object or furniture; it has {known}")
         if self.simulation is not None:
             check_simulation(self.simulation, self.objects, self.furniture, self.options)
         return self

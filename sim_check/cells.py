@@ -22,6 +22,7 @@ __all__ = [
     "PlacementConfig",
     "SimulationConfig",
     "builtin_cells",
+    "explain_fault",
     "load_cell",
 ]
 
@@ -63,7 +64,7 @@ def load_cell(name_or_path: str | Path = DEFAULT_CELL, options: Mapping[str, boo
     try:
         cell = CellConfig.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(_explain(path, error)) from None
+        raise ConfigError(explain_fault(path, error, CellConfig)) from None
     if not options:
         return cell
     for name, value in options.items():
@@ -105,14 +106,20 @@ def _read_yaml(path: Path) -> Any:
     return content
 
 
-def _explain(path: Path, error: ValidationError) -> str:
-    """One line per fault: file, key path, what was wrong, what would be valid."""
+def explain_fault(path: Path, error: ValidationError, model: type[BaseModel]) -> str:
+    """One line per fault of a strict file: file, key path, what was wrong, what would be valid.
+
+    Args:
+        path: The file.
+        error: What pydantic said of its content.
+        model: What the content was held against.
+    """
     lines = []
     for fault in error.errors():
-        where, _ = _follow(fault["loc"])
+        where, _ = _follow(fault["loc"], model)
         if fault["type"] == "extra_forbidden":
-            _, model = _follow(fault["loc"][:-1])
-            lines.append(f"{path}: unknown key '{where}'; valid keys there are {', '.join(_keys(model))}")
+            _, owner = _follow(fault["loc"][:-1], model)
+            lines.append(f"{path}: unknown key '{where}'; valid keys there are {', '.join(_keys(owner))}")
         elif fault["type"] == "missing":
             lines.append(f"{path}: key '{where}' is missing")
         elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
@@ -125,9 +132,9 @@ def _explain(path: Path, error: ValidationError) -> str:
     return "\n".join(lines)
 
 
-def _follow(loc: tuple[str | int, ...]) -> tuple[str, Any]:
+def _follow(loc: tuple[str | int, ...], model: type[BaseModel]) -> tuple[str, Any]:
     """Key path of a fault's place as a person would write it, and the type of what lies there."""
-    text, here = "", CellConfig
+    text, here = "", model
     for part in loc:
         here = _without_none(here)
         kinds = [m for m in get_args(here) if _is_model(m) and part in get_args(_field(m, "kind"))]
