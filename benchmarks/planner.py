@@ -46,7 +46,7 @@ LOOK = 0.005  # [s] of CPU time between two looks at the stack
 PARTS = {
     "kinematics": (("control/kinematics.py", None),),
     "filter": (("control/collision_filter.py", None),),
-    "recording": (("control/rollouts.py", "record_motion"),),
+    "recording": (("control/recording.py", "record_motion"),),
     "scoring": (("control/rewards_cost.py", None), ("control/sampling_cost.py", None)),
 }
 

@@ -57,6 +57,7 @@ class _Kind(IntEnum):
 
 _OUTSIDE = (_Kind.WORLD, _Kind.SUPPORT)
 _LACKS = {"arm": _Kind.ARM, "finger": _Kind.FINGER, "held": _Kind.OBJECT}
+PARTS = ("self", "arm", "finger", "held")  # whose distances are told apart
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ class CollisionFilter:
         subject: Name of the handled object or joint, or None.
         supports: Names of bodies that may touch the subject in `Phase.CONTACT`.
         margin: Extra distance in [m] beyond the safety table's clearances.
+        others: Objects that may be handled beside the subject: like it they are no obstacles in `Phase.GRASP`.
 
     Attributes:
         checks: Configurations looked at so far.
@@ -110,6 +112,7 @@ class CollisionFilter:
         subject: str | None = None,
         supports: Iterable[str] = (),
         margin: float = PLANNING_MARGIN,
+        others: Iterable[str] = (),
     ) -> None:
         model = twin.model
         self.model, self._data = model, mujoco.MjData(model)
@@ -125,10 +128,12 @@ class CollisionFilter:
         self._joint = int(model.joint(joint.name).qposadr[0]) if joint else None
         self._segment = np.zeros(6)  # where mj_geomDistance leaves the nearest points
         kind = _geom_kinds(twin, subject, frozenset(supports))
+        for name in others:
+            kind[_geom_kinds(twin, name, frozenset()) == _Kind.OBJECT] = _Kind.OBJECT
         table = _thresholds(safety, margin)
         pairs = _pairs(model, kind, table)
         self._kind = kind
-        self._by_phase = [_PairSet(model, pairs, table[phase][kind[pairs[:, 0]], kind[pairs[:, 1]]]) for phase in Phase]
+        self._by_phase = [PairSet(model, pairs, table[phase][kind[pairs[:, 0]], kind[pairs[:, 1]]]) for phase in Phase]
         self._object_alone = [pairs.of_kinds(kind, _Kind.OBJECT, _OUTSIDE) for pairs in self._by_phase]
         self._relax_start(twin)
 
@@ -170,36 +175,26 @@ class CollisionFilter:
         order = np.concatenate([coarse, np.setdiff1d(np.arange(len(path)), coarse)])
         return all(self.clear(path[i], phase, width, object_at) for i in order)
 
-    def lack(self, qpos: np.ndarray, phase: Phase) -> dict[str, tuple[float, str]]:
-        """How much distance is missing in a whole configuration of the model, robot and objects alike.
+    def pairs(self, phase: Phase) -> "PairSet":
+        """The pairs of geoms that have to keep a distance in a phase, with those distances."""
+        return self._by_phase[phase]
 
-        Args:
-            qpos: Configuration of the twin's model, shape (nq,).
-            phase: What the hand is doing.
+    def part(self, a: int, b: int) -> str | None:
+        """Whose distance a pair of geoms is about: one of `PARTS`, or None where the world is not concerned."""
+        kinds = self._kind[[a, b]].tolist()
+        if all(k in (_Kind.ARM, _Kind.FINGER, _Kind.BASE) for k in kinds):
+            return "self"
+        if not any(k in (_Kind.WORLD, _Kind.SUPPORT, _Kind.PANEL) for k in kinds):
+            return None
+        return next(n for n, k in _LACKS.items() if k in kinds or (k == _Kind.ARM and _Kind.BASE in kinds))
 
-        Returns:
-            For "arm" (arm and hand), "finger" and "held" (the handled object): limit minus distance in [m] of the
-            nearest body outside and its name; for "self" the same between two parts of the robot; -inf and "" where
-            nothing is near.
-        """
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self._data)
-        out: dict[str, tuple[float, str]] = dict.fromkeys((*_LACKS, "self"), (-np.inf, ""))
-        pairs = self._by_phase[phase]
-        for i in pairs.near(self._data):
-            kinds = self._kind[pairs.geoms[i]]
-            if np.isin(kinds, (_Kind.ARM, _Kind.FINGER, _Kind.BASE)).all():
-                name = "self"
-            elif not np.isin(kinds, (_Kind.WORLD, _Kind.SUPPORT, _Kind.PANEL)).any():
-                continue
-            else:
-                name = next(n for n, k in _LACKS.items() if k in kinds or (k == _Kind.ARM and _Kind.BASE in kinds))
-            lack = float(pairs.limit[i] - self._distance(pairs, i))
-            if lack > out[name][0]:
-                out[name] = (lack, self._outer_body(*pairs.geoms[i]))
-        return out
+    def bodies(self, a: int, b: int) -> tuple[str, str]:
+        """Names of the bodies of two geoms, the one outside (neither robot nor handled object) last."""
+        outer = self._outer_body(a, b)
+        names = [body_name(self.model, int(self.model.geom_bodyid[g])) for g in (a, b)]
+        return (names[1], outer) if names[0] == outer else (names[0], outer)
 
-    def _distance(self, pairs: "_PairSet", i: int) -> float:
+    def _distance(self, pairs: "PairSet", i: int) -> float:
         a, b = pairs.pair[i]
         reach = max(float(pairs.limit[i]), 0.0) + 0.001
         return float(mujoco.mj_geomDistance(self.model, self._data, a, b, reach, self._segment))
@@ -246,7 +241,7 @@ class CollisionFilter:
         return body_name(self.model, int(self.model.geom_bodyid[outer]))
 
 
-class _PairSet:
+class PairSet:
     """Pairs of geoms with the distance that they must keep.
 
     Args:
@@ -277,13 +272,15 @@ class _PairSet:
         a, b = kind[self.geoms[:, 0]], kind[self.geoms[:, 1]]
         return ((a == one) & np.isin(b, others)) | ((b == one) & np.isin(a, others))
 
-    def near(self, data: mujoco.MjData, prune: bool = False) -> np.ndarray:
+    def near(self, data: mujoco.MjData, prune: bool = False, reach: float | None = None) -> np.ndarray:
         """Indices of pairs whose bounding spheres come within their limit, nearest first.
 
         Args:
             data: With up-to-date kinematics.
             prune: Leave out pairs whose boxes already keep them apart by more than their limit.
+            reach: Look for pairs within this distance in [m] as well, where their limit is less.
         """
+        limit = self.limit if reach is None else np.maximum(self.limit, reach)
         at = data.geom_xpos
         offset = at.take(self._second, axis=0) - at.take(self._first, axis=0)
         between = np.sqrt(np.einsum("ij,ij->i", offset, offset))
@@ -291,13 +288,13 @@ class _PairSet:
             rows = self._plane
             normal = data.geom_xmat[self._first[rows]][:, [2, 5, 8]]
             between[rows] = np.einsum("ij,ij->i", offset[rows], normal)
-        gap = between - self._radius - self.limit
+        gap = between - self._radius - limit
         rows = np.flatnonzero(gap < 0.0)
         rows = rows[np.argsort(gap[rows], kind="stable")]
         if prune and len(rows) > FEW:
             a, b = self._first[rows], self._second[rows]
             least = np.maximum(self._box_to_sphere(data, a, b), self._box_to_sphere(data, b, a))
-            rows = rows[least < self.limit[rows] + BOX_SLACK]
+            rows = rows[least < limit[rows] + BOX_SLACK]
         return rows
 
     def _box_to_sphere(self, data: mujoco.MjData, a: np.ndarray, b: np.ndarray) -> np.ndarray:

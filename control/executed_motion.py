@@ -12,7 +12,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from control.rollouts import contact_names
+from control.recording import contact_names
 from control.trajectory import GripperCommand, JointPath, PathSegment
 from control.twin_model import FINGER_BODIES, TwinModel
 

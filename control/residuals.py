@@ -6,7 +6,7 @@ residual's scale, is what the search pays. A reasoner can neither name, weigh no
 
     tracked_hand_speed  |v_tcp| as the twin's arm moves, over 20 ms (the commanded speed is judged sample by sample)
     contact_force       force on arm or hand, fingers apart
-    unwanted_contact    force of contacts outside {fingers, subject, supports}
+    unwanted_contact    force of contacts outside {fingers, handled things, supports}
     self_contact        force between two parts of the robot
     tracked_hand_angular_speed  the same for its rotation
     workspace           distance of any point of the hand outside the box
@@ -68,12 +68,17 @@ class Clearances:
         lack: For "self" (parts of the robot), "arm" (arm and hand), "finger" and "held" (a carried object in transit):
             the clearance that is asked for minus the distance in [m], shape (k,); negative where there is room, -inf
             where nothing is near.
-        bodies: What was nearest to each of them, k names.
+        bodies: What lacks most of it for each of them, k names.
+        distance: The least distance itself in [m] for each of them, shape (k,), negative in overlap; inf where nothing
+            is nearer than was looked for. Who is asked for no distance (fingers and what they grasp) is left out.
+        nearest: What is at that distance, k names.
     """
 
     step: np.ndarray
     lack: dict[str, np.ndarray]
     bodies: dict[str, tuple[str, ...]]
+    distance: dict[str, np.ndarray]
+    nearest: dict[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,7 @@ class TwinMotion:
         held: When which object was in the hand.
         named: Objects that the subtask names.
         subject: The object that is handled, or None.
+        handled: Objects and joints that may be touched beside it.
         supports: Bodies that may carry it: those under it at the start, the terms' targets, the table.
         expects_release: Whether the subject has to be let go at the end.
         clearances: Least distances, or None where they were not looked for.
@@ -112,6 +118,7 @@ class TwinMotion:
     held: tuple[HeldSpan, ...] = ()
     named: frozenset[str] = frozenset()
     subject: str | None = None
+    handled: frozenset[str] = frozenset()
     supports: frozenset[str] = field(default_factory=lambda: frozenset({TABLE_BODY}))
     expects_release: bool = False
     clearances: Clearances | None = None
@@ -216,13 +223,14 @@ def contact_force(motion: TwinMotion) -> Worst:
 
 
 def unwanted_contact(motion: TwinMotion) -> Worst:
-    """Largest force in [N] of a contact of robot or subject outside {fingers, subject, supports}.
+    """Largest force in [N] of a contact of robot or handled things outside {fingers, handled things, supports}.
 
     Contacts between other things (a cube that stands on a crate) are nobody's business here.
     """
-    allowed = _FINGERS | motion.supports | ({motion.subject} if motion.subject else set())
-    acting = _ROBOT | ({motion.subject} if motion.subject else set())
-    if motion.subject is None:  # the palm alone: nothing may be touched, but what it holds may stay in the hand
+    own = motion.handled | ({motion.subject} if motion.subject else set())
+    allowed = _FINGERS | motion.supports | own
+    acting = _ROBOT | own
+    if not own:  # the palm alone: nothing may be touched, but what it holds may stay in the hand
         allowed = _FINGERS | {span.name for span in motion.held}
 
     def unwanted(a: str, b: str) -> bool:

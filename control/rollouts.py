@@ -1,12 +1,10 @@
-"""Simulating many candidate motions in the twin, from start to end, and recording what happened.
+"""Simulating many candidate motions in the twin, from start to end.
 
 Every motion is played by the arm's position servos: quintic time laws between stops, velocity feedforward, the
-gripper at its finite speed. `mujoco.batch` steps them; its results do not depend on the number of threads. Contacts
-are recomputed from recorded states (`mj_forward`), only for motions that are worth it and at a stride.
+gripper at its finite speed. `mujoco.batch` steps them; its results do not depend on the number of threads.
 """
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,30 +12,16 @@ import mujoco
 import numpy as np
 
 from control.batches import Observer, SimulatedBatch, simulate
-from control.collision_filter import body_name, subtree_root
 from control.limits import RobotLimits
-from control.residuals import Contacts, HeldSpan, TwinMotion
-from control.rewards import RewardSpec
-from control.subtasks import Subtask
+from control.residuals import HeldSpan
 from control.trajectory import FINGERS, GripperCommand, PathSegment, TrajectorySegment
-from control.twin_model import (
-    ARM_ACTUATORS,
-    ARM_BODIES,
-    FINGER_BODIES,
-    GRIPPER_ACTUATOR,
-    HAND_BODY,
-    TABLE_BODY,
-    TCP_SITE,
-    TwinModel,
-)
-from control.zones import RobotPoints, RobotTrack
+from control.twin_model import ARM_ACTUATORS, GRIPPER_ACTUATOR, TwinModel
 
 GRIP_SETTLE = 0.15  # [s] after the fingers have arrived, for the grasp to come to rest
 END_SETTLE = 0.2  # [s] at the end of a rollout
 SEARCH_SPEED = 0.6  # share of the joint speed limits in search; retiming is slower, so grasps that hold here hold there
 LEAST_TIME = 0.35  # [s] of any segment
 CHUNK = 4  # motions that are simulated together; independent of the number of threads, as step counts depend on it
-FORCE_FLOOR = 0.05  # [N]: weaker contacts are not recorded
 
 
 @dataclass(frozen=True)
@@ -259,96 +243,6 @@ def roll_out(
                 motions[i],
             )
     return [r for r in out if r is not None], steps
-
-
-def record_motion(
-    rollout: Rollout, twin: TwinModel, spec: RewardSpec, task: Subtask, supports: frozenset[str], stride: int
-) -> TwinMotion:
-    """Turn recorded states into what residuals read.
-
-    Args:
-        rollout: One simulated motion.
-        twin: The twin that it was simulated in.
-        spec: For the names that the subtask names.
-        task: For the handled object.
-        supports: What carries the object at the start.
-        stride: Look at every `stride`-th state (and the last).
-    """
-    model, data = rollout.model, mujoco.MjData(rollout.model)
-    rows = np.unique(np.append(np.arange(0, len(rollout.time), stride), len(rollout.time) - 1))
-    site = model.site(TCP_SITE).id
-    bodies = {o.name: model.body(o.name).id for o in twin.objects}
-    moving = [model.body(j.body).id for j in twin.joints]
-    followed = np.array([*bodies.values(), *moving], int)
-    tcp = np.tile(np.eye(4), (len(rows), 1, 1))
-    places = np.tile(np.eye(4), (len(followed), len(rows), 1, 1))
-    steps, pairs, forces = [], [], []
-    names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
-    # Contacts between things at rest on each other are nobody's business and most of the work.
-    acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES} | ({task.subject} if task.subject else set())
-    acts = np.array([n in acting for n in names])
-    robot = RobotPoints(model)
-    track = np.zeros((len(rows), len(robot.bodies), 3))
-    force = np.zeros(6)
-    for k, row in enumerate(rows):
-        data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
-        mujoco.mj_forward(model, data)
-        tcp[k, :3, :3], tcp[k, :3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
-        track[k] = robot.at(data)
-        places[:, k, :3, :3] = data.xmat[followed].reshape(-1, 3, 3)
-        places[:, k, :3, 3] = data.xpos[followed]
-        geoms = data.contact.geom[: data.ncon]
-        for i in np.flatnonzero(acts[geoms].any(axis=1)):
-            a, b = names[geoms[i, 0]], names[geoms[i, 1]]
-            if a == b:
-                continue
-            mujoco.mj_contactForce(model, data, int(i), force)
-            size = math.sqrt(force[:3].dot(force[:3]))
-            if size > FORCE_FLOOR:
-                steps.append(k)
-                pairs.append((a, b))
-                forces.append(size)
-    poses = dict(zip(bodies, places, strict=False))
-    handles = {
-        j.name: place[:, :3, 3] + place[:, :3, :3] @ j.handle.centre
-        for j, place in zip(twin.joints, places[len(bodies) :], strict=True)
-    }
-    # What is in the hand moves with it by right.
-    named = spec.names | ({task.subject} if task.subject else set()) | {s.name for s in rollout.commands.held}
-    return TwinMotion(
-        time=rollout.time[rows],
-        tcp=tcp,
-        objects=poses,
-        contacts=Contacts(np.array(steps, int), tuple(pairs), np.array(forces)),
-        held=tuple(
-            HeldSpan(s.name, int(np.searchsorted(rows, s.start)), int(np.searchsorted(rows, s.stop)))
-            for s in rollout.commands.held
-        ),
-        named=frozenset(named),
-        subject=task.subject,
-        supports=supports | {TABLE_BODY} | (spec.names - {task.subject}),
-        expects_release=task.releases,
-        fractions={
-            j.name: np.array([j.fraction(x) for x in rollout.qpos[rows, model.joint(j.name).qposadr[0]]])
-            for j in twin.joints
-        },
-        handles=handles,
-        robot=RobotTrack(robot.bodies, robot.radius, track),
-    )
-
-
-def contact_names(model: mujoco.MjModel, objects: frozenset[str]) -> list[str]:
-    """For each geom the name that contacts are reported under: a robot link, an object, a door, the table."""
-    robot = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES}
-    out = []
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        name = body_name(model, body)
-        if name not in robot and name not in objects:
-            root = body_name(model, subtree_root(model, body))
-            name = root if root in objects else name
-        out.append(name)
-    return out
 
 
 def _quintic(path: np.ndarray, limits: RobotLimits, scale: float, dt: float) -> tuple[np.ndarray, np.ndarray]:

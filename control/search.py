@@ -9,11 +9,12 @@ from itertools import islice
 
 from control.batches import Observer
 from control.candidates import Candidate
+from control.recording import Purpose, record_motion
 from control.refinement import vary
 from control.residuals import safety_residuals
 from control.rewards import RewardSpec
 from control.rewards_cost import Score, score_motion
-from control.rollouts import Rollout, commands_for, record_motion, roll_out
+from control.rollouts import Rollout, commands_for, roll_out
 from control.twin_model import TwinModel
 from control.workbench import Workbench
 
@@ -148,6 +149,5 @@ class Search:
         return sum(s.success + (s.success and s.clean) for s in scores)
 
     def _score(self, rollout: Rollout, twin: TwinModel, candidate: Candidate) -> Score:
-        supports = frozenset(self.bench.supports)
-        motion = record_motion(rollout, twin, self.spec, self.bench.subtask, supports, STRIDE)
+        motion = record_motion(rollout, twin, Purpose.of_spec(self.spec, self.bench.supports), STRIDE)
         return score_motion(motion, twin, self.spec, self._residuals, self.bench.rest_palm, candidate.preference)

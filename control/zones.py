@@ -63,8 +63,13 @@ class RobotPoints:
 
     def at(self, data: mujoco.MjData) -> np.ndarray:
         """Points in the world in [m], shape (k, 3); kinematics must be up to date."""
-        turned = np.einsum("kij,kj->ki", data.geom_xmat[self._geoms].reshape(-1, 3, 3), self._local)
-        return np.vstack([data.geom_xpos[self._geoms] + turned, data.site_xpos[self._site]])
+        return self.along(data.geom_xpos[None], data.geom_xmat[None], data.site_xpos[None])[0]
+
+    def along(self, geom_xpos: np.ndarray, geom_xmat: np.ndarray, site_xpos: np.ndarray) -> np.ndarray:
+        """Points in the world in [m], shape (n, k, 3), from n rows of these fields of `mujoco.MjData`."""
+        rotation = geom_xmat[:, self._geoms].reshape(len(geom_xmat), -1, 3, 3)
+        turned = (rotation @ self._local[:, :, None])[..., 0]
+        return np.concatenate([geom_xpos[:, self._geoms] + turned, site_xpos[:, self._site, None]], axis=1)
 
 
 def outside_box(track: RobotTrack, low: np.ndarray, high: np.ndarray) -> tuple[float, int, str]:

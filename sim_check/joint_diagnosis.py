@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from control.collision_filter import body_name
-from control.rollouts import contact_names
+from control.recording import contact_names
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TwinJoint, TwinModel
 from sim_check.ghosts import ghosted
 

@@ -4,13 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from control.collision_filter import CollisionFilter, Phase
-from control.residuals import Clearances, HeldSpan
-from control.rewards import RewardSpec
+from control.residuals import HeldSpan
 from control.rollouts import Commands, Rollout, gripper_ramp, handled_in, merge_spans, roll_out, squeeze
-from control.safety import SafetyLimits
 from control.trajectory import SAMPLE_TIME, Trajectory
-from control.twin_model import TABLE_BODY, TwinModel
+from control.twin_model import TwinModel
 
 JUDGE_STEP = 0.002  # [s]; half of the search's, where grasps slip less
 SETTLE_SLACK = 0.5  # [s] before the settling time: the servos reach their end and fruit rolls to rest
@@ -78,44 +75,3 @@ def replay(
         One rollout per twin, and the number of simulated steps.
     """
     return roll_out(twins, [replay_commands(trajectory, t, settle_time, step) for t in twins], nthread, step)
-
-
-def measure_clearances(
-    rollout: Rollout,
-    times: np.ndarray,
-    twin: TwinModel,
-    spec: RewardSpec,
-    safety: SafetyLimits,
-    subject: str | None,
-    supports: frozenset[str],
-    stride: int = 2,
-) -> Clearances:
-    """Least distances along a rollout, held against the safety table without any planning margin.
-
-    Args:
-        rollout: One simulated motion.
-        times: Times of the recorded motion's samples in [s], shape (n,): the samples that are referred to.
-        twin: Where it went.
-        spec: For the targets, which may carry the handled object.
-        safety: The clearances.
-        subject: The handled object, or None.
-        supports: What carries it at the start.
-        stride: Look at every `stride`-th of the samples.
-    """
-    looks = {}
-    for handled in {subject or twin.held, *(span.name for span in rollout.commands.handled)}:
-        allowed = supports | {TABLE_BODY} | (spec.names - {handled})
-        looks[handled] = CollisionFilter(twin, safety, handled, allowed, margin=0.0)
-    dt = float(rollout.time[1] - rollout.time[0])
-    steps = np.arange(0, len(times), stride)
-    lack = {name: np.full(len(steps), -np.inf) for name in ("self", "arm", "finger", "held")}
-    bodies = {name: [""] * len(steps) for name in lack}
-    for k, step in enumerate(steps):
-        row = min(round(times[step] / dt), len(rollout.qpos) - 1)
-        transit = any(start <= row < stop for start, stop in rollout.commands.free)
-        at = (span.name for span in rollout.commands.handled if span.start <= row < span.stop)
-        look = looks[next(at, subject or twin.held)]
-        for name, (value, body) in look.lack(rollout.qpos[row], Phase.CARRY if transit else Phase.GRASP).items():
-            if name != "held" or transit:
-                lack[name][k], bodies[name][k] = value, body
-    return Clearances(steps, lack, {name: tuple(names) for name, names in bodies.items()})

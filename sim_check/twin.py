@@ -6,6 +6,7 @@ deterministic.
 """
 
 import copy
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import mujoco
@@ -146,9 +147,22 @@ def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0
     Raises:
         StackError: The drawn poses cannot be settled, nor can those at a half and a quarter of the drawn offsets.
     """
+    return _settled(twin, *_draw(twin, rng, scale))
+
+
+def _draw(twin: TwinModel, rng: np.random.Generator, scale: float) -> tuple[mujoco.MjModel, dict[str, np.ndarray]]:
+    """All that is random in a perturbed twin: its model and the offset of each object, as `_draw_offset` gives it."""
     drawn = copy.copy(twin.model)
     _perturb_model(twin, drawn, rng, scale)
-    offsets = {o.name: _draw_offset(o, rng, scale) for o in twin.objects if o.name != twin.held}
+    return drawn, {o.name: _draw_offset(o, rng, scale) for o in twin.objects if o.name != twin.held}
+
+
+def _settled(twin: TwinModel, drawn: mujoco.MjModel, offsets: dict[str, np.ndarray]) -> TwinModel:
+    """The twin with a drawn model and its things moved by their offsets, at rest.
+
+    Raises:
+        StackError: The drawn poses cannot be settled, nor can those at a half and a quarter of the drawn offsets.
+    """
     fixed = {o.name for o in twin.objects if not o.movable}
     carriers = carrier(twin, fixed) if fixed else {}
     # Neighbours that are drawn into each other are possible in the draw but not in the world: they are drawn nearer
@@ -183,7 +197,7 @@ def worlds_to_try(twin: TwinModel) -> int:
     return int(np.clip(round(3 + 2.5 * (worst * 1e3 - 3)), 3, 8))
 
 
-def possible_twins(twin: TwinModel, rng: np.random.Generator, count: int) -> list[TwinModel]:
+def possible_twins(twin: TwinModel, rng: np.random.Generator, count: int, nthread: int = 1) -> list[TwinModel]:
     """Up to `count` perturbed twins.
 
     A draw in which things cannot come to rest is no world, so a few are made for each.
@@ -192,16 +206,23 @@ def possible_twins(twin: TwinModel, rng: np.random.Generator, count: int) -> lis
         twin: Built by `build_twin`; not changed.
         rng: Source of randomness.
         count: How many are wanted; fewer come where most draws are impossible.
+        nthread: Threads in which things settle; the twins do not depend on it.
     """
     out: list[TwinModel] = []
-    for _ in range(DRAWS * count):
-        if len(out) == count:
-            break
-        try:
-            out.append(perturbed_twin(twin, rng))
-        except StackError:
-            continue
+    left = DRAWS * count
+    with ThreadPoolExecutor(max(1, nthread)) as pool:
+        while len(out) < count and left > 0:
+            draws = [_draw(twin, rng, 1.0) for _ in range(min(count - len(out), left))]
+            left -= len(draws)
+            out += [t for t in pool.map(lambda draw: _settled_if_possible(twin, *draw), draws) if t is not None]
     return out
+
+
+def _settled_if_possible(twin: TwinModel, drawn: mujoco.MjModel, offsets: dict[str, np.ndarray]) -> TwinModel | None:
+    try:
+        return _settled(twin, drawn, offsets)
+    except StackError:
+        return None
 
 
 def _stood(thing: FurnitureModel, estimate: ObjectEstimate, table: float) -> Fixed:

@@ -114,9 +114,10 @@ def lacking(part):
     near = {name: np.full(2, -0.01) for name in ("self", "arm", "finger", "held")}
     near[part] = np.array([-0.01, 0.004])
     names: dict[str, tuple[str, ...]] = dict.fromkeys(near, ("vase", "vase"))
-    return replace(
-        quiet(), clearances=Clearances(np.array([100, 200]), near, names), held=(HeldSpan("crate", 150, 151),)
+    clearances = Clearances(
+        np.array([100, 200]), near, names, {name: 0.004 - lack for name, lack in near.items()}, names
     )
+    return replace(quiet(), clearances=clearances, held=(HeldSpan("crate", 150, 151),))
 
 
 def gripping_at_the_end():
