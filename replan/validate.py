@@ -8,8 +8,11 @@ import numpy as np
 
 from control.certificate import Verdict
 from control.errors import ConfigError, RefusedError, RetimingError, StackError
-from control.limits import REST_Q, RobotLimits
-from control.motion_file import MotionFile, read_motion, to_path, to_trajectory
+from control.limits import RobotLimits, panda_limits
+from control.motion_file import read_motion
+from control.motion_path import to_path
+from control.motion_samples import MotionFile
+from control.resampling import to_trajectory_with_report
 from control.retime import RetimingReport, retime_with_report
 from control.rewards import RewardSpec
 from control.robot import Payload, RobotModel
@@ -24,8 +27,8 @@ from replan.errors import DONE, UNSAFE
 from replan.scene_source import scene_for
 from sim_check.cells import CellConfig, load_cell
 from sim_check.foreign_motion import with_handling
-from sim_check.start_collision import start_collision
 from sim_check.payloads import held_payloads, loaded_torque
+from sim_check.start_collision import start_collision
 from sim_check.twin import build_twin
 from sim_check.verdict import SUCCESS_SHARE, Judgement, judge_in_detail
 
@@ -92,6 +95,7 @@ class Validation:
         motion: The file as read.
         trajectory: What was judged: its samples, or the retimed ones.
         retiming: How it was retimed, or None.
+        made: How its samples came about, in words.
         scene, twin: What it was judged in.
         robot: Rigid-body model with an empty hand.
         spec: What it should achieve, or None.
@@ -105,6 +109,7 @@ class Validation:
     motion: MotionFile
     trajectory: Trajectory
     retiming: RetimingReport | None
+    made: str
     scene: SceneEstimate
     twin: TwinModel
     robot: RobotModel
@@ -179,7 +184,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
             "give --perturbed 0 or more and --threads 1 or more"
         )
     cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True))
-    limits, safety = limits_of(cell), cell.safety_limits()
+    limits, safety = panda_limits(cell.robot.gripper_model), cell.safety_limits()
     motion = read_motion(options.file, topic=options.topic, index=options.index)
     say(f"read {len(motion.q)} rows, {motion.duration:.2f} s: {motion.source}")
     scene = scene_for(cell, options.scene, options.frame)
@@ -191,9 +196,9 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         raise ConfigError(f"the gripper cannot be {width:g} m open at the start; it opens from 0 to {opening:g} m")
     _check_names(options, scene)
     robot = RobotModel.panda(gripper=cell.robot.gripper_model)
-    trajectory, retiming = _samples(motion, options, robot, limits, safety)
+    trajectory, retiming, made = _samples(motion, options, robot, limits, safety)
     if not any(s.held or s.touching for s in trajectory.segments):
-        trajectory = with_handling(trajectory, options.handles, options.held, width, GRASP_FORCE)
+        trajectory = with_handling(trajectory, options.handles, options.held)
     start = trajectory.q[0] if options.start is None else options.start
     _refuse_collision(motion, cell, scene, start, width, options)
     try:
@@ -220,18 +225,26 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         on_progress=lambda done, all: say(f"judged in {done} of {all} twins") if done in (1, all) else None,
     )
     return Validation(
-        options, cell, limits, safety, motion, trajectory, retiming, scene, twin, robot, spec, judgement
+        options, cell, limits, safety, motion, trajectory, retiming, made, scene, twin, robot, spec, judgement
     )
 
 
 def _samples(
     motion: MotionFile, options: ValidateOptions, robot: RobotModel, limits: RobotLimits, safety: SafetyLimits
-) -> tuple[Trajectory, RetimingReport | None]:
-    """What is judged: the file's samples, or its path with a new time law."""
+) -> tuple[Trajectory, RetimingReport | None, str]:
+    """What is judged: the file's samples, or its path with a new time law; and how it was made of the file."""
+    force = GRASP_FORCE if options.handles else None
     if not options.retime:
         if options.fraction is not None:
             raise ConfigError("--fraction says how fast a motion is retimed; give --retime as well")
-        return to_trajectory(motion), None
+        trajectory, report = to_trajectory_with_report(motion, force)
+        made = report.method
+        if report.departure > 1e-3:
+            made += (
+                f"; between rows it leaves the straight line by up to {report.departure:.3f} rad "
+                f"({trajectory.joint_names[report.joint]} at {report.at:.2f} s)"
+            )
+        return trajectory, None, made
     if options.fraction is not None:
         if not 0.0 < options.fraction <= 1.0:
             raise ConfigError(f"--fraction {options.fraction:g} is not valid; it is a share of the limits, 0 to 1")
@@ -242,11 +255,14 @@ def _samples(
         )
     loaded = robot if options.payload is None else robot.with_payload(options.payload)
     try:
-        return retime_with_report(
-            to_path(motion), loaded, limits, safety, replace(RetimingOptions(), tolerance=options.tolerance)
+        trajectory, report = retime_with_report(
+            to_path(motion, force), loaded, limits, safety, replace(RetimingOptions(), tolerance=options.tolerance)
         )
     except RetimingError as error:
         raise RefusedError("cannot_be_retimed", f"{options.file}: the path cannot be timed: {error}") from error
+    off = f"at most {1e3 * report.deviation:.1f} mrad off the path"
+    made = f"retimed to {report.ratio:.2f} times the time-optimal bound, {off}"
+    return trajectory, report, made
 
 
 def _scene_name(options: ValidateOptions) -> str:
@@ -263,13 +279,13 @@ def _refuse_collision(
 ) -> None:
     """Say what the arm is inside of where it starts.
 
-    The twin for that is built with the arm out of the way: built around an arm, things would be pushed out of it.
+    Things are left where they are said to stand for that; the twin itself is built around the arm.
     """
     try:
-        twin = build_twin(cell, scene, start if options.held else np.array(REST_Q), width, options.held)
+        twin = build_twin(cell, scene, start, width, options.held, around_arm=False)
     except StackError:
         return  # told in full where the twin itself is built
-    found = start_collision(twin, start)
+    found = start_collision(twin)
     if found is None:
         return
     (own, other), depth = found
@@ -310,7 +326,9 @@ def _handled(options: ValidateOptions, trajectory: Trajectory, twin: TwinModel) 
     known = {o.name for o in twin.objects} | {j.name for j in twin.joints}
     for name in options.touches:
         if name not in known:
-            raise ConfigError(f"--touches names '{name}', which is neither object nor joint here; there are {sorted(known)}")
+            raise ConfigError(
+                f"--touches names '{name}', which is neither object nor joint here; there are {sorted(known)}"
+            )
     named = {*options.handles, *options.touches, *((options.held,) if options.held else ())}
     for s in trajectory.segments:
         named |= {s.held} if s.held else set()

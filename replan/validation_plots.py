@@ -73,7 +73,9 @@ def joint_quantities(
     return tuple(Quantity(n, u, v[REST_ROWS:], low, high, share) for n, u, v, low, high, share in rows)
 
 
-def joints_svg(quantities: Sequence[Quantity], joint_names: Sequence[str], stretches: Sequence[tuple[str, float]]) -> str:
+def joints_svg(
+    quantities: Sequence[Quantity], joint_names: Sequence[str], stretches: Sequence[tuple[str, float]]
+) -> str:
     """Small multiples: a row for each quantity, a column for each joint; full height is the published limit.
 
     Args:
@@ -101,7 +103,8 @@ def joints_svg(quantities: Sequence[Quantity], joint_names: Sequence[str], stret
             ax.set_ylim(-top, top)
             ax.set_xlim(0, times[-1])
             value = quantity.values[worst, j]
-            ax.set_title(f"{value:.3g} {quantity.unit} · {100 * abs(share[worst]):.0f} %", color=colour, pad=2)
+            number = f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+            ax.set_title(f"{number} {quantity.unit} · {100 * abs(share[worst]):.0f} %", color=colour, pad=2)
             ax.set_yticks([-1, 0, 1], ["−100 %", "0", "100 %"] if j == 0 else ["", "", ""])
             if i == 0:
                 ax.annotate(name, (0.5, 1.22), xycoords="axes fraction", ha="center", fontsize=9, fontweight="bold")

@@ -11,18 +11,20 @@ import numpy as np
 
 from control.errors import ConfigError, MachineError
 from control.trajectory import SAMPLE_TIME
-from control.twin_model import HAND_BODY, TwinModel
+from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TwinModel
 from replan.validate import Validation
-from replan.validation_plots import clearance_svg, hand_svg, joint_quantities, joints_svg
-from replan.validation_text import check_rows, summary, trials_text
+from replan.validation_plots import PART_NAMES, clearance_svg, hand_svg, joint_quantities, joints_svg
+from replan.validation_text import check_rows, hints, summary, trials_text
 from sim_check.render import FreeView, Offscreen
 
 WIDTH, HEIGHT = 560, 420  # [px] of a picture
-MOST_PICTURES = 6
+MOST_PICTURES = 6  # of broken checks
+LEAST_PICTURES = 3
 SAME_MOMENT = 0.05  # [s]: checks that are worst together share a picture
 JPEG_QUALITY = 85
 BLAMED = np.array([0.85, 0.15, 0.12, 1.0])  # colour of the bodies of a broken check
 NEAREST = np.array([0.95, 0.62, 0.10, 1.0])  # of those that only come nearest
+ROBOT = np.array([0.80, 0.84, 0.88, 1.0])
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ def _content(validation: Validation, made_by: str) -> dict:
         "trials": trials_text(v),
         "tried": v.options.perturbed > 0,
         "notes": notes,
+        "hints": hints(v),
         "rows": check_rows(v),
         "pictures": pictures,
         "pictures_title": "Worst moments" if broken else "Nearest moments",
@@ -124,11 +127,8 @@ def _content(validation: Validation, made_by: str) -> dict:
 def motion_text(validation: Validation) -> str:
     """The motion in one line."""
     t = validation.trajectory
-    text = f"{t.duration:.2f} s, {len(t.q)} samples; {validation.motion.source}"
-    r = validation.retiming
-    if r is not None:
-        text += f"; retimed to {r.ratio:.2f} times the time-optimal bound, at most {1e3 * r.deviation:.1f} mrad off the path"
-    return text
+    parts = [f"{t.duration:.2f} s, {len(t.q)} samples", validation.motion.source, validation.made]
+    return "; ".join([*parts, *validation.motion.notes])
 
 
 def scene_text(validation: Validation) -> str:
@@ -153,7 +153,7 @@ def worst_moments(validation: Validation) -> list[Moment]:
             merged[-1] = Moment(last.time, f"{last.title}, {m.title}", f"{last.text}; {m.text}", bodies, True)
         else:
             merged.append(m)
-    return (merged[:MOST_PICTURES] or [])[:MOST_PICTURES] + _nearest(validation)[: max(0, 3 - len(merged))]
+    return merged[:MOST_PICTURES] + _nearest(validation)[: max(0, LEAST_PICTURES - len(merged))]
 
 
 def _nearest(validation: Validation) -> list[Moment]:
@@ -163,14 +163,15 @@ def _nearest(validation: Validation) -> list[Moment]:
         return []
     out = []
     c = motion.clearances
+    broken = {check.name for check in validation.verdict.failed_checks}
     for part, distance in c.distance.items():
         k = int(np.argmin(distance))
-        if not np.isfinite(distance[k]):
+        if not np.isfinite(distance[k]) or f"{part}_clearance" in broken:
             continue
         bodies = (c.nearest[part][k],)
         time = float(motion.time[c.step[k]])
         text = f"{1e3 * distance[k]:.1f} mm at {time:.3f} s: {', '.join(bodies)}"
-        out.append((float(distance[k]), Moment(time, f"nearest: {part}", text, bodies, False)))
+        out.append((float(distance[k]), Moment(time, f"nearest, {PART_NAMES[part]}:", text, bodies, False)))
     return [m for _, m in sorted(out, key=lambda pair: pair[0])]
 
 
@@ -196,15 +197,22 @@ def _picture(twin: TwinModel, qpos: np.ndarray, moment: Moment) -> np.ndarray:
     """The twin at one moment with the bodies that take part in colour, seen from where they are in the middle."""
     model = copy.copy(twin.model)
     bodies = [b for b in moment.bodies if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, b) >= 0]
-    for name in bodies:
+    colours = dict.fromkeys((*ARM_BODIES, HAND_BODY, *FINGER_BODIES), ROBOT)
+    colours |= dict.fromkeys(bodies, BLAMED if moment.broken else NEAREST)
+    for name, colour in colours.items():
         of_body = model.geom_bodyid == model.body(name).id
-        model.geom_rgba[of_body] = BLAMED if moment.broken else NEAREST
+        model.geom_rgba[of_body] = colour
         model.geom_matid[of_body] = -1
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     middle = np.mean([data.body(name).xipos for name in bodies or (HAND_BODY,)], axis=0)
-    view = FreeView(look_at=(float(middle[0]), float(middle[1]), float(middle[2])), distance=0.95)
+    view = FreeView(
+        look_at=(float(middle[0]), float(middle[1]), float(middle[2])),
+        distance=0.8,
+        azimuth_deg=140.0,
+        elevation_deg=-18.0,
+    )
     with Offscreen(model, WIDTH, HEIGHT, collision=True) as renderer:
         return renderer.colour(data, view, WIDTH, HEIGHT)
 

@@ -81,7 +81,7 @@ class Validate:
         from replan.rendering import require_mujoco
 
         require_mujoco()
-        from control.motion_file import write_trajectory
+        from control.trajectory_file import write_trajectory
         from replan.validate import ValidateOptions, payload_from, reward_text, start_from, validate_motion
         from replan.validation_report import footer, write_report
         from replan.validation_text import as_json, as_text
