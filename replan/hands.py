@@ -17,6 +17,7 @@ from control.retime import retime
 from control.rewards import RewardSpec
 from control.robot import RobotModel
 from control.trajectory import SAMPLE_TIME, Trajectory
+from control.trajectory_file import write_trajectory
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
 from planning.interfaces import AttemptResult
@@ -192,9 +193,7 @@ class TwinCheckedHands:
         )
         self._episode.log("certificate", certificate=certificate)
         self._episode.log("trajectory", samples=len(trajectory.q), segments=trajectory.segments)
-        np.savez_compressed(
-            self._episode.numbered("trajectory", "npz"), q=trajectory.q, qd=trajectory.qd, qdd=trajectory.qdd
-        )
+        write_trajectory(self._episode.numbered("trajectory", "npz"), trajectory)
         self._say(f"robot: moving for {trajectory.duration:.1f} s")
         self.trajectories_sent += 1
         try:
