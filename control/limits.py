@@ -16,6 +16,7 @@ class RobotLimits:
 
     Attributes:
         profile: Name and interface version that the numbers belong to.
+        firmware: Family of robot system versions that enforce these numbers.
         q_min, q_max: Joint positions in [rad].
         qd: Joint speeds in [rad/s].
         qdd: Joint accelerations in [rad/s^2].
@@ -27,6 +28,7 @@ class RobotLimits:
     """
 
     profile: str
+    firmware: str
     q_min: np.ndarray
     q_max: np.ndarray
     qd: np.ndarray
@@ -64,6 +66,7 @@ def panda_limits(gripper: GripperModel = PANDA_HAND) -> RobotLimits:
     """
     return RobotLimits(
         profile="panda/5" if gripper == PANDA_HAND else f"panda/5+{gripper.name}",
+        firmware="panda system 4.2.1 and later 4.x, research interface 5",
         q_min=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
         q_max=np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]),
         qd=np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61]),

@@ -186,6 +186,7 @@ class TwinCheckedHands:
             trajectory,
             verdict,
             profile=self._limits.profile,
+            firmware=self._limits.firmware,
             limits_hash=limits_hash(self._limits, self._safety, self._gripper),
             scene_stamp=twin.scene_stamp,
             now=self._client.state().stamp,
@@ -223,6 +224,7 @@ class TwinCheckedHands:
             q=report.q,
             tau=report.tau,
             gripper_width=report.gripper_width,
+            speed=report.speed,
         )
         self._episode.log(
             "executed",
@@ -236,7 +238,7 @@ class TwinCheckedHands:
         )
 
     def _on_progress(self, progress: "Progress") -> None:
-        """Film at FILM_RATE of robot time, whatever the pace of a simulated cell."""
+        """Film at FILM_RATE of the motion's own time, whatever its speed and the pace of a simulated cell."""
         if not self._filming:
             return
         seconds = progress.played * SAMPLE_TIME

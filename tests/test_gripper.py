@@ -168,7 +168,7 @@ def of_gripper(gripper):
     digest, motion = limits_hash(limits, SAFETY, gripper), swing()
     passed = Verdict((), 0, 0, (0.0, 1.0), True, 0)
     certificate = issue_certificate(
-        motion, passed, profile=limits.profile, limits_hash=digest, scene_stamp=0.0, now=0.0
+        motion, passed, profile=limits.profile, firmware=limits.firmware, limits_hash=digest, scene_stamp=0.0, now=0.0
     )
     return Gate(limits.profile, digest, limits, SAFETY, gripper=gripper), motion, certificate
 
@@ -205,7 +205,13 @@ def test_the_gate_knows_what_its_gripper_can_do(gripper, command, able):
     limits = panda_limits(gripper)
     passed = Verdict((), 0, 0, (0.0, 1.0), True, 0)
     certificate = issue_certificate(
-        motion, passed, profile=limits.profile, limits_hash=gate.limits_hash, scene_stamp=0.0, now=0.0
+        motion,
+        passed,
+        profile=limits.profile,
+        firmware=limits.firmware,
+        limits_hash=gate.limits_hash,
+        scene_stamp=0.0,
+        now=0.0,
     )
     measured = perfect_driver()[1].read()
     if able:
