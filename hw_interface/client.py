@@ -1,6 +1,7 @@
 """A client's view of a cell: state, pictures, and the one way to make the robot move."""
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -15,6 +16,7 @@ from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
+from hw_interface.gate import valid_speed
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
@@ -196,7 +198,7 @@ class CellClient:
                 stays as it was.
             RobotGoneError: No answer.
         """
-        return ask(self._session, SPEED_KEY, SpeedRequest(speed=float(speed)), RobotState, self._timeout)
+        return ask(self._session, SPEED_KEY, SpeedRequest(speed=_sendable(speed)), RobotState, self._timeout)
 
     def acknowledge(self) -> RobotState:
         """Make a stopped robot ready again.
@@ -242,7 +244,7 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(trajectory, certificate, speed)
+        request = TrajectoryRequest.of(trajectory, certificate, None if speed is None else _sendable(speed))
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):
@@ -324,6 +326,11 @@ class CellClient:
                 "and look at the scene anew"
             )
         return state
+
+
+def _sendable(speed: float) -> float:
+    """The speed; one that is no number, which no message may carry, is refused as the robot would refuse it."""
+    return float(speed) if math.isfinite(speed) else valid_speed(speed)
 
 
 def _report(result: MotionResult, final_state: RobotState) -> ExecutionReport:

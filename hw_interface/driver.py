@@ -21,10 +21,10 @@ from control.certificate import Certificate
 from control.errors import RefusedError, StackError
 from control.trajectory import Trajectory
 from hw_interface.backend import Measured, RobotBackend
-from hw_interface.gate import Gate
+from hw_interface.gate import Gate, valid_speed
 from hw_interface.messages import Accepted, Mode, RobotState, Trouble
 from hw_interface.motion_messages import MotionResult
-from hw_interface.played_motion import PlayedMotion, valid_speed
+from hw_interface.played_motion import PlayedMotion
 from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)

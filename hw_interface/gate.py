@@ -7,9 +7,10 @@ import numpy as np
 
 from control.certificate import Certificate
 from control.certify import verify_certificate
-from control.errors import RefusedError
+from control.errors import RefusedError, TrajectoryError
 from control.gripper import PANDA_HAND, GripperModel
 from control.limits import RobotLimits
+from control.playback import check_rate
 from control.safety import SafetyLimits
 from control.trajectory import Trajectory
 from control.trajectory_checks import check_trajectory
@@ -124,3 +125,16 @@ class Gate:
                 "start_mismatch",
                 f"the motion begins with '{trajectory.segments[0].held}' in the hand, but the gripper holds nothing",
             )
+
+
+def valid_speed(speed: float) -> float:
+    """The speed, if motions may be played at it: above 0 and at most 1, the speed that they were judged at.
+
+    Raises:
+        RefusedError: bad_speed.
+    """
+    try:
+        check_rate(speed)
+    except TrajectoryError as error:
+        raise RefusedError("bad_speed", str(error)) from error
+    return speed

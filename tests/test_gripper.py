@@ -237,9 +237,12 @@ def test_the_simulated_2f85_opens_fully_within_the_time_that_a_trajectory_gives_
 
 
 def test_a_run_against_a_robot_with_the_other_gripper_is_refused_before_it_looks():
-    state = SimpleNamespace(cell="mine", profile=panda_limits().profile, mode="idle")
+    limits = panda_limits()
+    state = SimpleNamespace(cell="mine", profile=limits.profile, firmware=limits.firmware, mode="idle")
     client, options = SimpleNamespace(state=lambda: state), RunOptions("pick up the red cube")
     ready = partial(_check_ready, client, options, "mine")  # type: ignore[arg-type]
-    ready(panda_limits().profile)
+    ready(limits.profile, limits.firmware)
     with pytest.raises(ConfigError, match=r"profile is 'panda/5', but the cell file makes it 'panda/5\+robotiq_2f85'"):
-        ready(panda_limits(ROBOTIQ_2F85).profile)
+        ready(panda_limits(ROBOTIQ_2F85).profile, limits.firmware)
+    with pytest.raises(ConfigError, match=r"runs firmware 'panda .*profile is for 'panda system 3\.x'"):
+        ready(limits.profile, "panda system 3.x")
