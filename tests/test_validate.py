@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.motion_scenes import spec_of
+from control.certificate_file import read_certificate
+from control.certify import limits_hash, verify_certificate
 from control.errors import ConfigError, MotionFileError, RefusedError
 from control.limits import REST_Q, panda_limits
+from control.motion_file import read_motion
 from control.motion_search import plan_motion
+from control.resampling import to_trajectory
 from control.retime import retime
 from control.robot import RobotModel
 from control.trajectory import Trajectory
@@ -135,6 +140,41 @@ def test_the_command_writes_a_page_that_needs_nothing_beside_it(folder, tmp_path
     for name in ("unwanted_contact", "panda_joint7", "torque rate", "theirs.csv", "red_cube"):
         assert name in page
     assert judged(tmp_path / "samples.npz").trajectory.content_hash() == data["trajectory_hash"]
+
+
+def test_a_motion_that_passed_gets_a_certificate_for_exactly_its_samples(folder, tmp_path, capsys):
+    saved, paper = tmp_path / "samples.npz", tmp_path / "certificate.json"
+    motion = folder / "ours.npz"
+    arguments = {"out": tmp_path, "perturbed": 6, "report": False, "save": saved, "certificate": paper}
+    assert Validate(motion, **arguments).execute(Console(quiet=True)) == 0
+    assert f"certificate: {paper}" in capsys.readouterr().out
+    trajectory, cell = to_trajectory(read_motion(saved)), load_cell("cubes")
+    limits = panda_limits()
+    sign = limits_hash(limits, cell.safety_limits(), cell.robot.gripper_model)
+    certificate = read_certificate(paper)
+    robot = (limits.profile, limits.firmware, sign, time.time(), set(), trajectory.q[0], 300.0)
+    verify_certificate(certificate, trajectory, *robot)
+    other = replace(trajectory, q=trajectory.q + 1e-9)
+    with pytest.raises(RefusedError, match="is not the one that was judged"):
+        verify_certificate(certificate, other, *robot)
+
+
+def test_a_motion_that_is_refused_gets_no_certificate(folder, tmp_path):
+    paper = tmp_path / "certificate.json"
+    command = Validate(
+        folder / "theirs.csv", perturbed=6, report=False, save=tmp_path / "samples.npz", certificate=paper
+    )
+    assert command.execute(Console(quiet=True)) == 4 and not paper.exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [({"save": None}, r"say where they go, too: --save NAME\.npz"), ({"perturbed": 1}, r"tried in 6 or more")],
+)
+def test_a_certificate_that_would_rest_on_nothing_is_refused_at_once(tmp_path, changes, reason):
+    arguments = {"save": tmp_path / "s.npz", "certificate": tmp_path / "c.json", "perturbed": 6} | changes
+    with pytest.raises(ConfigError, match=reason):
+        Validate(Path("never-read.csv"), **arguments).execute(Console(quiet=True))
 
 
 def test_a_motion_that_starts_inside_something_is_refused_in_one_line(folder, tmp_path):

@@ -43,6 +43,10 @@ class Validate:
     """With --retime: how far a joint may leave the path, in [mrad]."""
     save: Path | None = None
     """Write the samples that were judged as a trajectory file (.npz), for instance those of --retime."""
+    certificate: Path | None = None
+    """When it passes, write the right to play exactly these samples once (`replan robot play`) as JSON."""
+    valid_for: float = 120.0
+    """How long that certificate is good for, in [s]; a robot also refuses scenes that are too old."""
     handles: tuple[str, ...] = ()
     """Objects that the hand grasps, in that order. Nothing else may be touched or moved, unless --touches names it."""
     touches: tuple[str, ...] = ()
@@ -81,8 +85,10 @@ class Validate:
         from replan.rendering import require_mujoco
 
         require_mujoco()
+        from control.certificate_file import write_certificate
         from control.trajectory_file import write_trajectory
         from replan.validate import ValidateOptions, payload_from, reward_text, start_from, validate_motion
+        from replan.validation_certificate import certificate_of, check_outputs
         from replan.validation_report import footer, write_report
         from replan.validation_text import as_json, as_text
 
@@ -108,12 +114,16 @@ class Validate:
             threads=self.threads,
             seed=self.seed,
         )
+        check_outputs(self.certificate, self.save, self.perturbed)
         validation = validate_motion(options, console.note)
         seconds = time.monotonic() - begun
         files: dict[str, str] = {}
         if self.save is not None:
             write_trajectory(self.save, validation.trajectory)
             files["trajectory"] = str(self.save)
+        if self.certificate is not None and validation.verdict.passed:
+            write_certificate(self.certificate, certificate_of(validation, self.valid_for))
+            files["certificate"] = str(self.certificate)
         if self.report:
             path = self.out / f"{self.file.stem}.html"
             console.note("drawing the report")
