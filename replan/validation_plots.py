@@ -16,6 +16,7 @@ REST_ROWS = 3  # of rest on either side of a motion: a third difference reaches 
 INK, ALLOWED, BROKEN, QUIET = "#1f4e79", "#d08700", "#c62828", "#9aa5b1"
 PART_COLOURS = {"self": "#6a51a3", "arm": "#1f4e79", "finger": "#2e7d32", "held": "#d08700"}
 PART_NAMES = {"self": "robot to itself", "arm": "arm and hand", "finger": "fingers", "held": "carried object"}
+LEFT, RIGHT, BOTTOM = 0.75, 0.12, 0.42  # margins of a figure in inches
 FARTHEST = 0.05  # [m] of a clearance that is drawn: beyond, nothing is near
 
 Torque = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -83,7 +84,7 @@ def joints_svg(
         joint_names: Names of the columns.
         stretches: Named stretches of the motion and the times in [s] at which they end, drawn as fine lines.
     """
-    figure, axes = _figure(len(quantities), len(joint_names), (15.5, 1.55 * len(quantities) + 0.5))
+    figure, axes = _figure(len(quantities), len(joint_names), (15.5, 1.55 * len(quantities) + 0.5), top=0.5)
     for i, quantity in enumerate(quantities):
         middle, half = (quantity.low + quantity.high) / 2, (quantity.high - quantity.low) / 2
         for j, name in enumerate(joint_names):
@@ -119,7 +120,7 @@ def joints_svg(
 
 def hand_svg(speed: np.ndarray, turning: np.ndarray, safety: SafetyLimits) -> str:
     """Speed of the tool centre point in [m/s] and of its rotation in [rad/s], shape (n,) each, against the limits."""
-    figure, axes = _figure(1, 2, (15.5, 2.1))
+    figure, axes = _figure(1, 2, (15.5, 2.1), wide=0.1)
     for ax, values, limit, unit in (
         (axes[0][0], speed, safety.hand_speed, "m/s"),
         (axes[0][1], turning, safety.hand_angular_speed, "rad/s"),
@@ -186,13 +187,16 @@ def _envelope(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return times, low, high
 
 
-def _figure(rows: int, columns: int, size: tuple[float, float]):
+def _figure(rows: int, columns: int, size: tuple[float, float], top: float = 0.3, wide: float = 0.06):
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size)
     FigureCanvasSVG(figure)
-    axes = figure.subplots(rows, columns, squeeze=False)
+    width, height = size
+    # Margins in inches by hand: a layout engine draws everything twice.
+    room = {"left": LEFT / width, "right": 1 - RIGHT / width, "bottom": BOTTOM / height, "top": 1 - top / height}
+    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={**room, "hspace": 0.42, "wspace": wide})
     for ax in axes.flat:
         ax.spines[["top", "right"]].set_visible(False)
         ax.tick_params(labelsize=7, length=2)

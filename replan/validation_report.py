@@ -11,7 +11,7 @@ import numpy as np
 
 from control.errors import ConfigError, MachineError
 from control.trajectory import SAMPLE_TIME
-from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TwinModel
+from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY, TwinModel
 from replan.validate import Validation
 from replan.validation_plots import PART_NAMES, clearance_svg, hand_svg, joint_quantities, joints_svg
 from replan.validation_text import check_rows, hints, summary, trials_text
@@ -168,9 +168,9 @@ def _nearest(validation: Validation) -> list[Moment]:
         k = int(np.argmin(distance))
         if not np.isfinite(distance[k]) or f"{part}_clearance" in broken:
             continue
-        bodies = (c.nearest[part][k],)
+        bodies = (*(FINGER_BODIES if part == "finger" else ()), c.nearest[part][k])
         time = float(motion.time[c.step[k]])
-        text = f"{1e3 * distance[k]:.1f} mm at {time:.3f} s: {', '.join(bodies)}"
+        text = f"{1e3 * distance[k]:.1f} mm at {time:.3f} s to {bodies[-1]}"
         out.append((float(distance[k]), Moment(time, f"nearest, {PART_NAMES[part]}:", text, bodies, False)))
     return [m for _, m in sorted(out, key=lambda pair: pair[0])]
 
@@ -196,7 +196,9 @@ def _pictures(validation: Validation, moments: list[Moment]) -> list[Picture]:
 def _picture(twin: TwinModel, qpos: np.ndarray, moment: Moment) -> np.ndarray:
     """The twin at one moment with the bodies that take part in colour, seen from where they are in the middle."""
     model = copy.copy(twin.model)
-    bodies = [b for b in moment.bodies if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, b) >= 0]
+    bodies = [
+        b for b in moment.bodies if b != TABLE_BODY and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, b) >= 0
+    ]
     colours = dict.fromkeys((*ARM_BODIES, HAND_BODY, *FINGER_BODIES), ROBOT)
     colours |= dict.fromkeys(bodies, BLAMED if moment.broken else NEAREST)
     for name, colour in colours.items():
