@@ -128,9 +128,7 @@ def _header(path: Path, number: int, line: str) -> _Header:
     times = [k for k, name in enumerate(names) if name in TIME_COLUMNS]
     if len(times) != 1:
         has = "no time column" if not times else f"{len(times)} time columns"
-        raise MotionFileError(
-            f"'{path}', line {number} has {has}; it needs one of {', '.join(TIME_COLUMNS)}, in seconds"
-        )
+        raise MotionFileError(f"'{path}', line {number} has {has}; it needs one of {', '.join(TIME_COLUMNS)}, in [s]")
     places = [k for k, name in enumerate(names) if is_joint(name)]
     joints = find_joints(path, [names[k] for k in places])
     width = names.index("gripper_width") if "gripper_width" in names else None

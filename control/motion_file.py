@@ -37,8 +37,9 @@ def read_motion(path: Path, topic: str | None = None, index: int | None = None) 
             raise MotionFileError(f"'{path}' is no known kind of motion file; valid endings are {', '.join(ENDINGS)}")
         if not path.is_file():
             raise MotionFileError(f"'{path}' is not an ordinary file; give a motion file ({', '.join(ENDINGS)})")
-        if path.stat().st_size == 0 and not path.is_symlink():
-            raise MotionFileError(f"'{path}' is empty; give a motion file ({', '.join(ENDINGS)})")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise MotionFileError(f"'{path}' is empty; give a motion file ({', '.join(ENDINGS)})")
         if ending != ".mcap" and (topic is not None or index is not None):
             raise MotionFileError(f"'{path}' has no topics to choose from: topic and index are for .mcap files")
         if ending == ".csv":

@@ -90,8 +90,6 @@ def _opened(path: Path) -> "Iterator[SeekingReader]":
         ) from error
     with path.open("rb") as file:
         start = file.read(len(MAGIC))
-        if not start:
-            raise MotionFileError(f"'{path}' is empty")
         if start != MAGIC:
             raise MotionFileError(f"'{path}' is not an MCAP file: it does not begin like one")
         # Mapped, so that a length that was damaged cannot make anybody reserve memory for it.

@@ -24,6 +24,7 @@ from control.motion_samples import MotionFile
 from control.trajectory import SAMPLE_TIME, Trajectory, TrajectorySegment
 
 ON_TIME = 1e-5  # [s]; a row this near to a whole millisecond is played there
+WORTH_SAYING = 200.0  # [rad/s^3] of jerk from rounding; the least limit of a joint is 3750
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,22 @@ def _as_they_are(motion: MotionFile) -> tuple[tuple[np.ndarray, np.ndarray, np.n
     qdd = (padded[2:] - 2.0 * q + padded[:-2]) / SAMPLE_TIME**2 if motion.qdd is None else motion.qdd
     missing = [w for w, a in (("velocities", motion.qd), ("accelerations", motion.qdd)) if a is None]
     by = f"; {' and '.join(missing)} by central differences" if missing else ""
-    return (q, qd, qdd), f"the file's rows, 1 ms apart{by}"
+    step = _rounded_to(q)
+    jerk = 4.0 * step / SAMPLE_TIME**3  # a third difference of errors of half a step: (1 + 3 + 3 + 1) / 2
+    noise = f"; positions are rounded to {step:.0e} rad, which alone makes jerks of up to {jerk:.0f} rad/s^3"
+    return (q, qd, qdd), f"the file's rows, 1 ms apart{by}{noise if jerk >= WORTH_SAYING else ''}"
+
+
+def _rounded_to(q: np.ndarray) -> float:
+    """Step in [rad] that positions are rounded to: a power of ten, or that of 32-bit numbers; 0 when they are not."""
+    if np.ptp(q, axis=0).max() == 0.0:
+        return 0.0
+    for decimals in range(2, 8):
+        if np.max(np.abs(q * 10.0**decimals - np.rint(q * 10.0**decimals))) < 1e-6:
+            return 10.0**-decimals
+    if np.array_equal(q, q.astype(np.float32)):
+        return float(np.spacing(np.float32(np.max(np.abs(q)))))
+    return 0.0
 
 
 def _derivatives(motion: MotionFile, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
@@ -161,6 +177,8 @@ def _pieces(
     accelerations = (a0 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))) / h**2
     end = s[:, 0] >= 1.0  # the last row exactly, without rounding
     positions[end], speeds[end], accelerations[end] = q[k[end] + 1], qd[k[end] + 1], into[k[end]]
+    # Where accelerations jump at a row, one value says nothing of what is played: their samples are differences.
+    accelerations[1:-1] = (positions[2:] - 2.0 * positions[1:-1] + positions[:-2]) / SAMPLE_TIME**2
     return positions, speeds, accelerations
 
 
