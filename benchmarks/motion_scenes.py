@@ -135,10 +135,8 @@ def draw_scene(task: MotionTask, seed: int, pose_noise: float = 0.0, mismatch: b
         StackError: What is perceived cannot stand like that.
     """
     cell = load_cell(task.cell)
-    world = build_world(cell, seed, meshes=False)
-    rng = np.random.default_rng([seed, 20])
     q = np.array(REST_Q)
-    exact = _as_found(exact_scene(world, without=task.gone), task, rng)
+    exact, rng = draw_estimate(task, seed)
     true = build_twin(cell, exact, q, OPEN_WIDTH)
     believed = true
     if pose_noise > 0.0:
@@ -148,6 +146,13 @@ def draw_scene(task: MotionTask, seed: int, pose_noise: float = 0.0, mismatch: b
     if mismatch:
         true = _mismatched(true, rng)
     return Scene(task.spec(seed), believed, true)
+
+
+def draw_estimate(task: MotionTask, seed: int) -> tuple[SceneEstimate, np.random.Generator]:
+    """What a perfect perception would say of a seeded scene, and the source of whatever else is drawn for it."""
+    world = build_world(load_cell(task.cell), seed, meshes=False)
+    rng = np.random.default_rng([seed, 20])
+    return _as_found(exact_scene(world, without=task.gone), task, rng), rng
 
 
 def draw_twin(cell: str, seed: int) -> TwinModel:

@@ -6,6 +6,7 @@ residual's scale, is what the search pays. A reasoner can neither name, weigh no
 
     tracked_hand_speed  |v_tcp| as the twin's arm moves, over 20 ms (the commanded speed is judged sample by sample)
     contact_force       force on arm or hand, fingers apart
+    pressing_force      force on fingers or a handled object from what is neither
     unwanted_contact    force of contacts outside {fingers, handled things, supports}
     self_contact        force between two parts of the robot
     tracked_hand_angular_speed  the same for its rotation
@@ -174,6 +175,7 @@ def safety_residuals(safety: SafetyLimits) -> tuple[SafetyResidual, ...]:
             "tracked_hand_angular_speed", "rad/s", safety.hand_angular_speed * SPEED_SLACK, 2.0, hand_angular_speed
         ),
         SafetyResidual("contact_force", "N", safety.contact_force, 15.0, contact_force),
+        SafetyResidual("pressing_force", "N", safety.pressing_force, 15.0, pressing_force),
         SafetyResidual("unwanted_contact", "N", TOUCH, 15.0, unwanted_contact),
         SafetyResidual("self_contact", "N", 0.0, 15.0, self_contact),
         SafetyResidual("workspace", "m", SOFT, 0.05, lambda motion: outside_workspace(motion, safety)),
@@ -220,6 +222,19 @@ def hand_angular_speed(motion: TwinMotion) -> Worst:
 def contact_force(motion: TwinMotion) -> Worst:
     """Largest force in [N] between arm or hand (fingers apart) and anything that is not the robot."""
     return _worst_contact(motion, lambda a, b: (a in _ARM and b not in _ROBOT) or (b in _ARM and a not in _ROBOT))
+
+
+def pressing_force(motion: TwinMotion) -> Worst:
+    """Largest force in [N] between fingers or a handled object and anything that is neither, the robot apart.
+
+    Putting a thing down takes its weight and a little more; a hand that goes on down presses it into what carries it.
+    """
+    own = _FINGERS | motion.handled | ({motion.subject} if motion.subject else set()) | {s.name for s in motion.held}
+
+    def pressing(a: str, b: str) -> bool:
+        return (a in own or b in own) and not (a in own and b in own) and a not in _ARM and b not in _ARM
+
+    return _worst_contact(motion, pressing)
 
 
 def unwanted_contact(motion: TwinMotion) -> Worst:

@@ -24,6 +24,8 @@ class SafetyLimits:
         held_clearance: Least distance between a carried object and the world in transit in [m].
         finger_clearance: Least distance between open fingers and things that are not to be grasped in [m].
         contact_force: Highest contact force anywhere but on the fingers and the object they handle in [N].
+        pressing_force: Highest force in [N] with which fingers or what they handle may press on anything else: no more
+            than they grasp with, beyond which a thing slides between them.
         moved: Furthest that an object which the subtask does not name may be displaced in [m].
         tipped: Furthest that such an object may be tilted in [rad].
         settle_time: Time over which the result must hold still at the end in [s].
@@ -43,6 +45,7 @@ class SafetyLimits:
     held_clearance: float = 0.004
     finger_clearance: float = 0.002
     contact_force: float = 15.0
+    pressing_force: float = 40.0
     moved: float = 0.02
     tipped: float = 0.26
     settle_time: float = 0.5

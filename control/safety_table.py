@@ -49,6 +49,7 @@ _TWIN: dict[str, tuple[Stage, str]] = {
     "tracked_hand_speed": ("replay", "speed of the tool centre point as the twin's arm moves, over 20 ms"),
     "tracked_hand_angular_speed": ("replay", "the same for the hand's rotation"),
     "contact_force": ("twin", "force on arm or hand, fingers apart, from anything but the robot"),
+    "pressing_force": ("replay", "force on fingers or handled object from anything that is neither"),
     "unwanted_contact": ("twin", "force of a contact outside fingers, handled object and its supports"),
     "self_contact": ("twin", "force between two parts of the robot, the two fingers apart"),
     "workspace": ("twin", "distance of any point of hand or fingers outside the workspace box"),

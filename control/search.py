@@ -26,7 +26,7 @@ VARIED = 8  # variants per round
 ELITE = 4
 MOST_DOUBTED = 6  # plans that are tried in perturbed twins
 # Residuals that only a retimed motion can be held against.
-RETIMED_ONLY = ("tracked_hand_speed", "tracked_hand_angular_speed")
+RETIMED_ONLY = ("tracked_hand_speed", "tracked_hand_angular_speed", "pressing_force")
 # A rollout rests only briefly at its end; the verdict waits out the whole settling time.
 SETTLE_IN_SEARCH = 0.1  # [s]
 

@@ -63,9 +63,11 @@ class ClearanceMeter:
                 continue
             a, b = self._pairs.pair[i]
             apart = mujoco.mj_geomDistance(model, data, a, b, self._until[i], self._segment)
+            if apart >= self._until[i]:
+                continue
             if self._limit[i] - apart > lack[part]:
                 lack[part], lacking[part] = self._limit[i] - apart, i
-            if apart < min(distance[part], self._until[i]):
+            if apart < distance[part]:
                 distance[part], nearest[part] = apart, i
         return {p: Near(lack[p], self._bodies(lacking[p]), distance[p], self._bodies(nearest[p])) for p in PARTS}
 

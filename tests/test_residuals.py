@@ -141,6 +141,7 @@ SAFETY = replace(SAFETY, keep_out=(ZONE,))
 CASES = {
     "tracked_hand_speed": (fast(), 0.75, ("panda_hand",)),
     "tracked_hand_angular_speed": (spinning(), 3.0, ("panda_hand",)),
+    "pressing_force": (with_contact(200, "red_cube", "crate", 60.0), 60.0, ("red_cube", "crate")),
     "unwanted_contact": (with_contact(40, "panda_leftfinger", "vase", 5.0), 5.0, ("panda_leftfinger", "vase")),
     "keep_out": (robot_at("panda_link4", (0.28, 0.40, 0.6)), 0.07, ("panda_link4",)),
     "self_clearance": (lacking("self"), 0.004, ("vase",)),
@@ -186,6 +187,17 @@ def test_an_arm_that_leans_on_something_breaks_both_rules_about_contacts():
 @pytest.mark.parametrize("pair", [("panda_leftfinger", "vase"), ("red_cube", "vase"), ("table", "panda_hand")])
 def test_a_touch_outside_fingers_object_and_supports_is_unwanted_though_gentle(pair):
     assert set(broken(with_contact(40, *pair, 5.0))) == {"unwanted_contact"}
+
+
+def test_what_may_be_handled_beside_the_subject_may_be_touched_and_nothing_else():
+    motion = with_contact(40, "panda_leftfinger", "vase", 5.0)
+    assert broken(replace(motion, handled=frozenset({"vase"}))) == {}
+    assert set(broken(replace(motion, handled=frozenset({"crate"})))) == {"unwanted_contact"}
+
+
+def test_a_grip_is_no_pressing_and_fingers_pushed_into_the_table_are():
+    assert broken(with_contact(40, "panda_leftfinger", "red_cube", 80.0)) == {}
+    assert set(broken(with_contact(40, "table", "panda_leftfinger", 80.0))) == {"pressing_force"}
 
 
 def test_forces_of_one_pair_at_one_time_add_up():

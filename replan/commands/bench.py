@@ -1,4 +1,4 @@
-"""`replan bench goals|motions|planner|poses|retime|diagnosis`: measurements, printed as a table or JSON."""
+"""`replan bench goals|motions|planner|poses|retime|diagnosis|verdicts`: measurements, printed as a table or JSON."""
 
 from __future__ import annotations
 
@@ -134,8 +134,28 @@ class BenchDiagnosis:
 
 
 @dataclass(frozen=True)
+class BenchVerdicts:
+    """Verdicts on motions with one injected fault each and on good ones: what slips through, what is a false alarm."""
+
+    seeds: int = 5
+    """Seeds 0, 1, 2, ... of each planned motion."""
+    motions: tuple[str, ...] = ()
+    """Names of the planned motions; default all (an unknown name lists them)."""
+    jobs: int = 2
+    """Processes that share the motions; the time of one verdict is taken before they start."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.verdicts", "--seeds", str(self.seeds), "--jobs", str(self.jobs)]
+        command += ["--motions", *self.motions] if self.motions else []
+        return _call([*command, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class Bench:
-    """Measure: whole goals in the simulated cell, motions, planners, pose errors, retiming, diagnosis of failures."""
+    """Measure: goals in the simulated cell, motions, planners, pose errors, retiming, causes of failures, verdicts."""
 
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
@@ -145,6 +165,7 @@ class Bench:
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
             | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
+            | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]
         ]
     ]
 
