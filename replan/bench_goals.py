@@ -159,7 +159,6 @@ def bench_goals(
 
 def _limit_checks(folder: Path, cell: str) -> list[int]:
     """Limits broken by each trajectory that a run sent, by the checker that shares no code with the retimer."""
-    from control.limits import panda_limits
     from control.robot import RobotModel
     from control.trajectory import Trajectory
     from control.trajectory_checks import check_trajectory
@@ -167,7 +166,7 @@ def _limit_checks(folder: Path, cell: str) -> list[int]:
 
     planned = load_cell(cell)
     gripper, safety = planned.robot.gripper_model, planned.safety_limits()
-    robot, limits = RobotModel.panda(gripper=gripper), panda_limits(gripper)
+    robot, limits = RobotModel.panda(gripper=gripper), planned.robot.limits()
     broken = []
     for file in sorted(folder.glob("trajectory_*.npz")):
         with np.load(file) as arrays:

@@ -12,7 +12,7 @@ from control.on_path_stop import StopMotion, stop_on_path
 from control.retime import retime
 from control.robot import RobotModel
 from control.safety import SafetyLimits
-from control.trajectory import JointPath, PathSegment, Trajectory
+from control.trajectory import SAMPLE_TIME, JointPath, PathSegment, Trajectory
 from control.trajectory_checks import check_trajectory
 from tests.arm_paths import REST, pick_and_place, random_path
 
@@ -34,11 +34,14 @@ def placed(robot) -> Trajectory:
 def played(trajectory: Trajectory, index: int, stop: StopMotion) -> Trajectory:
     """What the arm was commanded in all: the trajectory up to `index`, then the stop."""
     kept = slice(0, index + 1)
-    return Trajectory(
-        q=np.concatenate([trajectory.q[kept], stop.q]),
-        qd=np.concatenate([trajectory.qd[kept], stop.qd]),
-        qdd=np.concatenate([trajectory.qdd[kept], stop.qdd]),
+    q, qd, qdd = (
+        np.concatenate([before[kept], after])
+        for before, after in ((trajectory.q, stop.q), (trajectory.qd, stop.qd), (trajectory.qdd, stop.qdd))
     )
+    if index > 0:  # where they meet, the trajectory's own derivatives still tell of how it would have gone on
+        qd[index] = (q[index + 1] - q[index - 1]) / (2.0 * SAMPLE_TIME)
+        qdd[index] = (q[index + 1] - 2.0 * q[index] + q[index - 1]) / SAMPLE_TIME**2
+    return Trajectory(q, qd, qdd)
 
 
 def distance_from_path(trajectory: Trajectory, q: np.ndarray, low: float, high: float) -> float:
