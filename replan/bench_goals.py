@@ -159,7 +159,6 @@ def bench_goals(
 
 def _limit_checks(folder: Path, cell: str) -> list[int]:
     """Limits broken by each trajectory that a run sent, by the checker that shares no code with the retimer."""
-    from control.limits import panda_limits
     from control.motion_file import read_motion
     from control.resampling import to_trajectory
     from control.robot import RobotModel
@@ -168,7 +167,7 @@ def _limit_checks(folder: Path, cell: str) -> list[int]:
 
     planned = load_cell(cell)
     gripper, safety = planned.robot.gripper_model, planned.safety_limits()
-    robot, limits = RobotModel.panda(gripper=gripper), panda_limits(gripper)
+    robot, limits = RobotModel.panda(gripper=gripper), planned.robot.limits()
     broken = []
     for file in sorted(folder.glob("trajectory_*.npz")):
         trajectory = to_trajectory(read_motion(file))

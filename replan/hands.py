@@ -111,7 +111,15 @@ class TwinCheckedHands:
             # What was seen cannot stand like that: a reason to look again, not to end the run.
             return self._failed(FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}"))
         variants = possible_twins(twin, self._rng, worlds_to_try(twin))
-        plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics, variants=variants)
+        plan = plan_motion(
+            twin,
+            spec,
+            self._safety,
+            self._rng,
+            kinematics=self._kinematics,
+            variants=variants,
+            limits=self._limits,
+        )
         if isinstance(plan, FailureCause):
             cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
             self.steps += int(cause.evidence.get("steps", 0))

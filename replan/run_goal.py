@@ -122,7 +122,6 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     # Imported now, while a simulated cell starts: the first retiming would wait a second for it.
     import toppra  # noqa: F401  # pyright: ignore[reportUnusedImport]
 
-    from control.limits import panda_limits
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.builtin import BuiltinReasoner
@@ -140,7 +139,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options.video, say)
-        limits = panda_limits(cell.robot.gripper_model)
+        limits = cell.robot.limits()
         episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
         try:
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))

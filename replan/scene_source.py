@@ -4,10 +4,10 @@ import json
 import time
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
 from control.errors import ConfigError
+from control.strict_yaml import read_mapping
 from perception.errors import FrameError
 from perception.estimates import SceneEstimate
 from perception.scene_file import read_perception_result
@@ -39,12 +39,10 @@ def scene_for(cell: CellConfig, source: Path | None, frame: int = -1) -> SceneEs
             )
         return fixed_scene(cell.poses, cell.furniture, 0.0, time.time())
     path = _file(source, frame)
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) if _is_yaml(path) else json.loads(path.read_text())
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise ConfigError(f"{path}: not valid {'YAML' if _is_yaml(path) else 'JSON'} ({error})") from None
+    if path.suffix in (".yaml", ".yml"):
+        content = read_mapping(path, "a scene file", SceneConfig.model_fields)
+    else:
+        content = _read_json(path)
     if isinstance(content, dict) and "frames" in content:
         return read_perception_result(path, content).scene(-1 if path.parent == source and path.match(LOOKS) else frame)
     try:
@@ -57,8 +55,13 @@ def scene_for(cell: CellConfig, source: Path | None, frame: int = -1) -> SceneEs
         raise ConfigError(f"{path}: {error}") from error
 
 
-def _is_yaml(path: Path) -> bool:
-    return path.suffix in (".yaml", ".yml")
+def _read_json(path: Path):
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid JSON ({error})") from None
 
 
 def _file(source: Path, frame: int) -> Path:

@@ -8,7 +8,7 @@ import numpy as np
 
 from control.certificate import Verdict
 from control.errors import ConfigError, RefusedError, RetimingError, StackError
-from control.limits import RobotLimits, panda_limits
+from control.limits import RobotLimits
 from control.motion_file import read_motion
 from control.motion_path import to_path
 from control.motion_samples import MotionFile
@@ -184,7 +184,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
             "give --perturbed 0 or more and --threads 1 or more"
         )
     cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True))
-    limits, safety = panda_limits(cell.robot.gripper_model), cell.safety_limits()
+    limits, safety = cell.robot.limits(), cell.safety_limits()
     motion = read_motion(options.file, topic=options.topic, index=options.index)
     say(f"read {len(motion.q)} rows, {motion.duration:.2f} s: {motion.source}")
     scene = scene_for(cell, options.scene, options.frame)

@@ -11,6 +11,8 @@ from pydantic import Field, field_validator, model_validator
 
 from control.errors import ConfigError
 from control.gripper import GripperModel, gripper_model
+from control.limits import RobotLimits
+from control.robot_profiles import load_profile
 from control.safety import SafetyLimits
 from perception.frames import CameraIntrinsics
 from sim_check.furniture_config import FurnitureConfig
@@ -33,13 +35,14 @@ class RobotConfig(Strict):
     """Which robot, and where it stands.
 
     Attributes:
-        profile: Name and interface version of its limits (`control.limits`).
+        profile: Its limits: a known profile (`control.robot_profiles`), or a file that looks like one (ending in .yaml
+            or .yml; in a cell file, a relative path is relative to the folder of that file).
         gripper: Which gripper it carries (`control.gripper`).
         position: Base in the world in [m].
         yaw_deg: Rotation of the base about the world's z in [degrees].
     """
 
-    profile: Literal["panda/5"] = "panda/5"
+    profile: str = "panda/5"
     gripper: Literal["panda_hand", "robotiq_2f85"] = "panda_hand"
     position: Vector3 = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
@@ -48,6 +51,14 @@ class RobotConfig(Strict):
     def gripper_model(self) -> GripperModel:
         """What the gripper is."""
         return gripper_model(self.gripper)
+
+    def limits(self) -> RobotLimits:
+        """Published limits of the robot with its gripper.
+
+        Raises:
+            ConfigError: There is no such profile, or its file is not valid.
+        """
+        return load_profile(self.profile, self.gripper_model)
 
     @property
     def world_T_base(self) -> np.ndarray:

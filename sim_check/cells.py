@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from control.errors import ConfigError
+from control.robot_profiles import is_file_name
+from control.strict_yaml import read_mapping
 from sim_check.cell_config import CameraConfig, CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
 from sim_check.furniture_config import furniture_kinds
 
@@ -30,19 +31,6 @@ BUILTIN_FOLDER = Path(__file__).with_name("cells")
 DEFAULT_CELL = "cubes"
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """YAML's safe subset, in which a key given twice is a mistake instead of the last one winning."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        seen = set()
-        for key, _ in node.value:
-            name = self.construct_object(key, deep=True)
-            if isinstance(name, str) and name in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"key '{name}' is given twice", key.start_mark)
-            seen.add(str(name))
-        return super().construct_mapping(node, deep)
-
-
 def builtin_cells() -> tuple[str, ...]:
     """Names of the cells that come with the program, the default one first."""
     names = sorted(path.stem for path in BUILTIN_FOLDER.glob("*.yaml"))
@@ -57,14 +45,15 @@ def load_cell(name_or_path: str | Path = DEFAULT_CELL, options: Mapping[str, boo
         options: Switches to set; each must be one of the cell's options.
 
     Raises:
-        ConfigError: No such cell or file, not YAML, or a key, value or option that is not valid.
+        ConfigError: No such cell, file or robot profile, not YAML, or a key, value or option that is not valid.
     """
     path = _cell_path(name_or_path)
-    content = _read_yaml(path)
+    content = read_mapping(path, "a cell file", CellConfig.model_fields)
     try:
         cell = CellConfig.model_validate(content)
     except ValidationError as error:
         raise ConfigError(explain_fault(path, error, CellConfig)) from None
+    cell = _with_profile(cell, path)
     if not options:
         return cell
     for name, value in options.items():
@@ -73,6 +62,18 @@ def load_cell(name_or_path: str | Path = DEFAULT_CELL, options: Mapping[str, boo
         if not isinstance(value, bool):
             raise ConfigError(f"option '{name}' of cell '{cell.name}' is a switch: true or false, not {value!r}")
     return cell.model_copy(update={"options": {**cell.options, **options}})
+
+
+def _with_profile(cell: CellConfig, path: Path) -> CellConfig:
+    """The cell with its robot profile found: a file is looked for from the folder of the cell file."""
+    if is_file_name(cell.robot.profile):
+        found = path.parent / Path(cell.robot.profile).expanduser()
+        cell = cell.model_copy(update={"robot": cell.robot.model_copy(update={"profile": str(found)})})
+    try:
+        cell.robot.limits()
+    except ConfigError as error:
+        raise ConfigError(f"{path}: robot.profile: {error}") from None
+    return cell
 
 
 def _cell_path(name_or_path: str | Path) -> Path:
@@ -88,22 +89,6 @@ def _cell_path(name_or_path: str | Path) -> Path:
             "(or give the path of a cell file ending in .yaml)"
         )
     return BUILTIN_FOLDER / f"{text}.yaml"
-
-
-def _read_yaml(path: Path) -> Any:
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigError(f"{path}{line}: not valid YAML ({error.problem or error.context})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not valid YAML ({error})") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: a cell file is a mapping with the keys {', '.join(CellConfig.model_fields)}")
-    return content
 
 
 def explain_fault(path: Path, error: ValidationError, model: type[BaseModel]) -> str:

@@ -8,7 +8,7 @@ import pytest
 from control.certificate import Certificate, CheckResult, Verdict
 from control.certify import START_TOLERANCE, issue_certificate, limits_hash, verify_certificate
 from control.errors import RefusedError, StackError
-from control.limits import panda_limits
+from control.limits import VelocityEnds, panda_limits
 from control.safety import SafetyLimits
 from control.trajectory import GripperCommand, GripperEvent, Trajectory
 from tests.arm_paths import REST
@@ -218,6 +218,9 @@ def test_times_that_make_no_sense_are_not_certified(changes):
         issued(some_trajectory(), **changes)
 
 
+ENDS = VelocityEnds(np.full(7, -3.0), np.full(7, 3.0), np.full(7, 0.3), np.full(7, 5.0))
+
+
 def test_equal_limits_have_equal_hashes_and_every_number_counts():
     limits, safety = panda_limits(), SafetyLimits()
     assert limits_hash(panda_limits(), SafetyLimits()) == HASH
@@ -227,7 +230,10 @@ def test_equal_limits_have_equal_hashes_and_every_number_counts():
         (limits, replace(safety, workspace_high=(0.9, 0.8, 1.2))),
         (replace(limits, profile="panda/4"), safety),
         (replace(limits, qd=limits.qd * [1, 1, 1, 1, 1, 1, 1.0000001]), safety),
-        (limits.scaled(0.8, 0.5), safety),
+        (replace(limits, angular_jerk=1e4), safety),
+        (replace(limits, firmware="another"), safety),
+        (replace(limits, velocity_ends=ENDS), safety),
+        (replace(limits, velocity_ends=replace(ENDS, offset=0.9 * ENDS.offset)), safety),
     ]
     assert len({HASH, *(limits_hash(*pair) for pair in others)}) == len(others) + 1
 
