@@ -8,9 +8,10 @@
 Messages are CDR with the definitions that the recording carries (schema encoding ros2msg).
 """
 
+import io
 import mmap
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -175,7 +176,8 @@ def _decoded(path: Path, reader: "SeekingReader", channel: _Channel) -> Iterator
                 f"'{path}': a message of topic {channel.label} has {len(message.data)} bytes; a motion has at most "
                 f"{MAX_ROWS} points"
             )
-        decoder = decoders.decoder_for(found.message_encoding, schema)
+        with redirect_stderr(io.StringIO()), redirect_stdout(io.StringIO()):  # it prints what it cannot parse
+            decoder = decoders.decoder_for(found.message_encoding, schema)
         if decoder is None:
             raise MotionFileError(
                 f"'{path}': topic {channel.label} is encoded as '{shortened(found.message_encoding)}'; it must be cdr"

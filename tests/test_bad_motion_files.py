@@ -347,6 +347,14 @@ def test_junk_is_refused(tmp_path, ending):
     refused(path)
 
 
+def test_a_damaged_definition_of_a_message_is_refused_and_nothing_is_printed(tmp_path, capfd):
+    message = ("/plan", TRAJECTORY, planned(there_and_back(rows(0.5))))
+    path = write_mcap(tmp_path / "m.mcap", [message], compression=0, enable_crcs=False)
+    path.write_bytes(path.read_bytes().replace(b"float64[] velocities", b"flo!t64[] velocities"))
+    assert "is damaged: " in refused(path)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_damage_anywhere_is_an_error_in_one_line_or_a_valid_motion(tmp_path):
     rng = np.random.default_rng(0)
     for path in sound_files(tmp_path):
