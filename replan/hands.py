@@ -190,6 +190,7 @@ class TwinCheckedHands:
         return cause
 
     def _play(self, trajectory: Trajectory, verdict: Verdict, twin: TwinModel, spec: RewardSpec) -> AttemptResult:
+        state = self._client.state()
         certificate = issue_certificate(
             trajectory,
             verdict,
@@ -197,12 +198,13 @@ class TwinCheckedHands:
             firmware=self._limits.firmware,
             limits_hash=limits_hash(self._limits, self._safety, self._gripper),
             scene_stamp=twin.scene_stamp,
-            now=self._client.state().stamp,
+            now=state.stamp,
         )
         self._episode.log("certificate", certificate=certificate)
         self._episode.log("trajectory", samples=len(trajectory.q), segments=trajectory.segments)
         write_trajectory(self._episode.numbered("trajectory", "npz"), trajectory)
-        self._say(f"robot: moving for {trajectory.duration:.1f} s")
+        speed = f" at speed {state.speed_wanted:g}" if state.speed_wanted < 1.0 else ""
+        self._say(f"robot: moving for {trajectory.duration / state.speed_wanted:.1f} s{speed}")
         self.trajectories_sent += 1
         try:
             report = self._client.execute(trajectory, certificate, on_progress=self._on_progress)

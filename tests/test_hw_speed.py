@@ -150,7 +150,7 @@ def test_where_no_change_keeps_the_limits_the_speed_stays_and_the_reason_is_give
 
 def test_what_a_speed_leads_to_is_held_against_torque_limits_before_it_is_played():
     driver, _ = perfect_driver()
-    driver.gate = replace(gate(), torque=lambda q, qd, qdd: 100.0 * (q - np.array(REST_Q)) + 0.5 * qdd)
+    driver.gate = replace(gate(), torque=lambda q, qd, qdd: 100.0 * (q - np.array(REST_Q)) + 3.0 * qdd)
     motion = swing(1.0, 0.3)
     driver.submit(motion, certificate(motion))
     ticks(driver, 500)
@@ -160,11 +160,28 @@ def test_what_a_speed_leads_to_is_held_against_torque_limits_before_it_is_played
         rows.append(np.array(driver.state().q_d))
         driver.tick()
     q = np.array(rows)
-    tau = 100.0 * (q[2:] - np.array(REST_Q)) + 0.5 * np.diff(q, 2, axis=0) / SAMPLE_TIME**2
+    tau = 100.0 * (q[2:] - np.array(REST_Q)) + 3.0 * np.diff(q, 2, axis=0) / SAMPLE_TIME**2
     assert np.abs(np.diff(tau, axis=0)).max() / SAMPLE_TIME <= panda_limits().taud[0] + 1e-3
     driver.gate = replace(gate(), torque=lambda q, qd, qdd: np.full_like(q, 1e4))
     refused = swing(1.0, 0.01, start=q[-1])
     assert_refused("breaks_limit", "torque", lambda: driver.submit(refused, certificate(refused)))
+
+
+def test_a_change_that_does_not_pass_the_gate_is_not_played():
+    motion = swing(1.0, 0.3)
+    driver, robot, _ = started(motion)
+    ticks(driver, 300)
+
+    def a_metre_a_millisecond(q: np.ndarray) -> np.ndarray:
+        poses = np.tile(np.eye(4), (len(q), 1, 1))
+        poses[:, 0, 3] = np.arange(len(q))
+        return poses
+
+    driver.gate = replace(gate(), tcp=a_metre_a_millisecond)
+    assert_refused("breaks_limit", "check hand_speed", lambda: driver.set_speed(0.5))
+    assert driver.state().speed_wanted == 1.0
+    to_rest(driver)
+    np.testing.assert_array_equal([q for q, _ in robot.commands[: len(motion.q)]], motion.q)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5])

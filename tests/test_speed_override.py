@@ -130,6 +130,8 @@ def test_a_slower_clock_only_lengthens_dwells_and_moves_events_and_segments_with
         for mine, own in zip(slowed.gripper, placed.gripper, strict=True):
             assert mine.command == own.command
             assert mine.dwell >= own.dwell
+            if own.time / SAMPLE_TIME > index + 500:  # the speed has changed by then
+                assert mine.dwell == pytest.approx(own.dwell / 0.4, abs=2 * SAMPLE_TIME)
             row = round(mine.time / SAMPLE_TIME)
             assert 0.0 <= playback.clock[row, PROGRESS] - own.time / SAMPLE_TIME < 1.0
             over = row + round(mine.dwell / SAMPLE_TIME)
@@ -168,6 +170,25 @@ def test_where_no_change_keeps_the_limits_that_is_said(placed):
     tight = replace(LIMITS, qdd=np.max(np.abs(placed.qdd), axis=0) * 0.5, qddd=np.full(7, 1.0))
     with pytest.raises(TrajectoryError, match=r"no change from speed 1 to 0\.5 keeps .* the speed stays"):
         override_speed(Playback.of(placed), int(np.argmax(np.linalg.norm(placed.qd, axis=1))), 0.5, tight)
+
+
+def test_a_speed_whose_later_part_breaks_a_limit_is_refused_even_where_its_change_does_not(placed):
+    slow = Playback.of(placed, 0.3)
+    event = placed.gripper[0]
+    dwelling = int(np.searchsorted(slow.clock[:, PROGRESS], (event.time + event.dwell / 3) / SAMPLE_TIME))
+    narrow = replace(LIMITS, qd=np.abs(placed.qd).max(axis=0) * 0.6)
+    assert override_speed(slow, dwelling, 0.5, narrow).clock[-1, RATE] == 0.5
+    with pytest.raises(TrajectoryError, match="the speed stays"):
+        override_speed(slow, dwelling, 1.0, narrow)
+
+
+@pytest.mark.parametrize("target", [0.01, 0.5, 1.0])
+def test_a_change_within_another_never_turns_back_and_never_goes_faster_than_judged(target):
+    rest = Trajectory(np.tile(REST, (3000, 1)), np.zeros((3000, 7)), np.zeros((3000, 7)))
+    falling, rising = assert_changes(Playback.of(rest), 100, 0.02), assert_changes(Playback.of(rest, 0.02), 100, 0.99)
+    for playback in (falling, rising):
+        for index in np.flatnonzero(playback.clock[:, SLOPE]):
+            assert_changes(playback, int(index), target)
 
 
 def test_a_resting_trajectory_changes_its_speed_at_once():
