@@ -3,7 +3,7 @@
 The numbers stand in the files of profiles/, which `control.robot_profiles` reads.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,6 +78,18 @@ class RobotLimits:
     angular_acceleration: float
     angular_jerk: float
     velocity_ends: VelocityEnds | None = None
+
+    def scaled(self, velocity: float, acceleration: float) -> "RobotLimits":
+        """The same robot at shares (0..1) of its speed and acceleration limits; the others stay as published."""
+        return replace(
+            self,
+            qd=self.qd * velocity,
+            qdd=self.qdd * acceleration,
+            cartesian_speed=self.cartesian_speed * velocity,
+            cartesian_acceleration=self.cartesian_acceleration * acceleration,
+            angular_speed=self.angular_speed * velocity,
+            angular_acceleration=self.angular_acceleration * acceleration,
+        )
 
 
 def panda_limits(gripper: GripperModel = PANDA_HAND) -> RobotLimits:
