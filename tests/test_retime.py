@@ -425,7 +425,8 @@ def test_only_segments_that_hold_a_thing_are_timed_with_its_weight(robot):
     assert loaded.segments[1].duration == bare.segments[1].duration
     carrying = robot.with_payload(payload)
     held = trajectory.segments[0]
-    carried = Trajectory(*(x[held.start : held.stop] for x in (trajectory.q, trajectory.qd, trajectory.qdd)))
+    samples = slice(held.start, held.stop)
+    carried = Trajectory(trajectory.q[samples], trajectory.qd[samples], trajectory.qdd[samples])
     checks = check_trajectory(carried, tight, fast, carrying.torque, carrying.tcp_poses)
     assert not [c for c in checks if not c.ok]
 
