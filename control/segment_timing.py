@@ -29,18 +29,21 @@ from control.sampled_shares import ORDER, PADDING, sampled_shares
 from control.start_law import StartLaw, cell_times, start_law
 from control.time_law import TimeLaw
 from control.trajectory import SAMPLE_TIME, PathSegment
-from control.warp import Warp, fastest_pace, room
+from control.warp import CLOSE, Warp, fastest_pace, room
 from control.warp_rows import AT_NODES, IN_CELLS, RowBlock, row_blocks
 
 MAX_STRETCH = 100.0
 TIGHTENED = 3  # times that limits are tightened at most
-GOOD_ENOUGH = 1.002  # a uniform stretch smaller than this is not worth tightening limits
+GOOD_ENOUGH, GOOD_ENOUGH_AGAIN = 1.002, 1.005  # a uniform stretch smaller than this is not worth tightening limits
 COARSE, FINE = 100, 500  # cells of the first and second start law, at most unless the path has many pieces
 FINEST = 2.5e-3  # [s]; cells need not be shorter
+LONGEST = 0.01  # [s]; nor should they be longer in the second
 COARSE_PER_PIECE, FINE_PER_PIECE = 2, 4  # cells for each piece of the path, so that none is overlooked
 CLOSELY = 0.5
 SHORT_RAMP = 0.004  # [s]
 MOST_CELLS = 2000  # a limit on memory
+ROUGHLY = 0.02  # duality gap with which the first result is good enough to start the second
+TIGHTENED_CENTRE = 0.01  # for `fastest_pace`, when limits were tightened a little
 ROOM = 0.9  # largest squared share of a limit that the pace search starts with
 USED = 0.1  # groups of rows whose largest squared share stays below this in the first result are left out of the second
 OVERDONE = 1.005  # by how much more than needed limits are tightened
@@ -143,8 +146,8 @@ def _timed(
     warp = search.first(law)
     samples = _Samples.of(warp, 1.0, segment.q, path, robot, bounds)
     best, last = (warp, samples), (warp, samples)
-    for _ in range(TIGHTENED):
-        if best[1].needed <= GOOD_ENOUGH:
+    for k in range(TIGHTENED):
+        if best[1].needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN):
             break
         other = search.tightened(*last)
         if other is None:
@@ -193,7 +196,7 @@ class _PaceSearch:
         used = [block.used(block.rows(block.values(coarse.beta))).max(axis=1) for block in self._blocks]
         keep = [used[0] > USED, np.maximum(used[1], used[2]) > USED]
         keep[0][0] = True  # the speed
-        cells = _cells(coarse.duration, max(FINE, FINE_PER_PIECE * pieces))
+        cells = _cells(coarse.duration, max(FINE, FINE_PER_PIECE * pieces, int(coarse.duration / LONGEST)))
         return self._warp(coarse.progress, coarse.duration, cells, keep)
 
     def _warp(
@@ -207,7 +210,7 @@ class _PaceSearch:
         blocks = self._blocks
         if keep is not None and np.any(keep[1]):
             blocks = (blocks[0].kept(keep[0]), blocks[1].kept(keep[1]), blocks[2].kept(keep[1]))
-        return Warp(start, fastest_pace(blocks, start.cell, beta))
+        return Warp(start, fastest_pace(blocks, start.cell, beta, ROUGHLY if keep is None else CLOSE))
 
     def _slowed(self, start: StartLaw, beta: np.ndarray) -> np.ndarray:
         """A pace slowed down until it is within all limits."""
@@ -248,7 +251,7 @@ class _PaceSearch:
         beta = warp.beta
         for _ in range(20):
             if room(self._blocks, beta) <= ROOM:
-                return Warp(start, fastest_pace(self._blocks, start.cell, beta))
+                return Warp(start, fastest_pace(self._blocks, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
             beta = 0.9 * beta
         return None
 

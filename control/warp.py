@@ -41,7 +41,9 @@ def room(blocks: Sequence[RowBlock], beta: np.ndarray) -> float:
     return max(float(block.used(block.rows(block.values(beta))).max()) for block in blocks)
 
 
-def fastest_pace(blocks: Sequence[RowBlock], cell: float, beta: np.ndarray) -> np.ndarray:
+def fastest_pace(
+    blocks: Sequence[RowBlock], cell: float, beta: np.ndarray, close: float = CLOSE, centre: float = FIRST_CENTRE
+) -> np.ndarray:
     """Coefficients of the fastest pace.
 
     Args:
@@ -49,6 +51,8 @@ def fastest_pace(blocks: Sequence[RowBlock], cell: float, beta: np.ndarray) -> n
         cell: Length of a cell in [s].
         beta: Coefficients to start from, positive and strictly within all limits, also with an even pace in the first
             and in the last cell, shape (n + 2,).
+        close: Duality gap relative to the duration that is good enough.
+        centre: mu to start with in durations per cell; smaller where beta is near the fastest pace already.
 
     Returns:
         Coefficients of the same shape that are not slower and strictly within the limits as well.
@@ -64,7 +68,7 @@ def fastest_pace(blocks: Sequence[RowBlock], cell: float, beta: np.ndarray) -> n
     state = [_State.of(block, beta) for block in blocks]
     count = sum(x.slack.size for x in state)
     best, shortest = beta, duration(beta)
-    mu = FIRST_CENTRE * shortest / len(beta)
+    mu = centre * shortest / len(beta)
     multipliers = [mu / x.slack for x in state]
     for _ in range(ITERATIONS):
         matrix, gradient = np.zeros((3, len(beta))), -0.5 * weight * beta**-1.5
@@ -99,12 +103,12 @@ def fastest_pace(blocks: Sequence[RowBlock], cell: float, beta: np.ndarray) -> n
         if now < shortest:
             best, shortest = beta, now
         gap = sum(float(np.sum(x.slack * y)) for x, y in zip(state, multipliers, strict=True))
-        if gap < CLOSE * now and primal > 0.5:
+        if gap < close * now and primal > 0.5:
             break
         centred, reach = gap / count, min(primal, dual)
         if reach > FAIR_STEP:
             factor = CENTRE if reach > GOOD_STEP else 0.5
-            mu = min(mu, max(factor * centred, 0.3 * CLOSE * now / count))
+            mu = min(mu, max(factor * centred, 0.3 * close * now / count))
         else:
             mu = centred
     return best
@@ -119,15 +123,13 @@ def _even_ends(beta: np.ndarray) -> np.ndarray:
 
 def _solve_tied(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve a system of five diagonals, upper form, in which the first three unknowns are equal, and the last three."""
-    for flip in (False, True):
-        if flip:  # so that the end becomes the start: the matrix is symmetric
-            matrix = np.stack([np.roll(row[::-1], 2 - k) for k, row in enumerate(matrix)])
-            right = right[::-1]
-        merged = matrix[:, 2:].copy()
-        merged[2, 0] += matrix[2, 0] + matrix[2, 1] + 2.0 * (matrix[1, 1] + matrix[1, 2] + matrix[0, 2])
-        merged[1, 1] += matrix[0, 3]
-        matrix, right = merged, np.concatenate([[right[:3].sum()], right[3:]])
-    step = solveh_banded(matrix, right, check_finite=False)[::-1]
+    merged = matrix[:, 2:-2].copy()
+    merged[2, 0] += matrix[2, 0] + matrix[2, 1] + 2.0 * (matrix[1, 1] + matrix[1, 2] + matrix[0, 2])
+    merged[1, 1] += matrix[0, 3]
+    merged[2, -1] += matrix[2, -2] + matrix[2, -1] + 2.0 * (matrix[1, -2] + matrix[1, -1] + matrix[0, -1])
+    merged[1, -1] += matrix[0, -2]
+    summed = np.concatenate([[right[:3].sum()], right[3:-3], [right[-3:].sum()]])
+    step = solveh_banded(merged, summed, check_finite=False)
     return np.concatenate([[step[0]] * 2, step, [step[-1]] * 2])
 
 

@@ -81,7 +81,14 @@ class RowBlock:
         """b, a (and d) at the points, k arrays of shape (n,)."""
         n = self.constant.shape[1]
         columns = [beta[j : j + n] for j in range(self.stencil.shape[1])]
-        return [np.sum([w * c for w, c in zip(row, columns, strict=True) if w], axis=0) for row in self.stencil]
+        out = []
+        for row in self.stencil:
+            total = np.zeros(n)
+            for weight, column in zip(row, columns, strict=True):
+                if weight:
+                    total += weight * column
+            out.append(total)
+        return out
 
     def rows(self, u: list[np.ndarray]) -> np.ndarray:
         """w, shape (r, n), at the values u."""

@@ -15,7 +15,7 @@ from control.limits import panda_limits
 from control.motion_bounds import MotionBounds
 from control.path_smoothing import smooth_path
 from control.retime import retime, retime_with_report
-from control.robot import RobotModel
+from control.robot import Payload, RobotModel
 from control.safety import SafetyLimits
 from control.segment_timing import RetimingOptions
 from control.time_law import LARGE_SPEED, PathBounds, fastest_time_law
@@ -391,3 +391,65 @@ def test_the_jacobian_is_the_derivative_of_the_pose(robot):
 def test_impossible_hands_and_payloads_are_refused(changes):
     with pytest.raises(ConfigError, match=next(iter(changes))):
         RobotModel.panda(**changes)
+
+
+def test_the_hands_acceleration_and_jerk_are_kept_where_they_bind(robot):
+    wide = replace(SAFETY, hand_speed=1.7, hand_angular_speed=2.5)
+    path = single(random_path(np.random.default_rng(1), 1, 0.4))
+    for names, changes in (
+        (
+            ("hand_acceleration", "hand_angular_acceleration"),
+            {"cartesian_acceleration": 2.0, "angular_acceleration": 4.0},
+        ),
+        (("hand_jerk", "hand_angular_jerk"), {"cartesian_jerk": 30.0, "angular_jerk": 60.0}),
+    ):
+        limits = replace(LIMITS, **changes)
+        trajectory = retime(path, robot, limits, wide)
+        checks = {c.name: c for c in check_trajectory(trajectory, limits, wide, robot.torque, robot.tcp_poses)}
+        assert not [c for c in checks.values() if not c.ok]
+        assert max(checks[name].worst / checks[name].limit for name in names) > 0.95
+        assert trajectory.duration > 1.1 * retime(path, robot, LIMITS, wide).duration
+
+
+def test_only_segments_that_hold_a_thing_are_timed_with_its_weight(robot):
+    payload = Payload(3.0, (0.0, 0.0, 0.05))
+    there = polyline(np.vstack([REST, REST + np.array([0.0, 0.5, 0.0, 0.4, 0.0, 0.0, 0.0])]))
+    path = JointPath((PathSegment("carry", there, held="brick"), PathSegment("home", there[::-1])))
+    fast = replace(SAFETY, velocity_scale=1.0, acceleration_scale=1.0, hand_speed=1.7)
+    tight = replace(LIMITS, tau=0.7 * LIMITS.tau)  # so that the weight counts
+    _, bare = retime_with_report(path, robot, tight, fast)
+    _, other = retime_with_report(path, robot, tight, fast, payloads={"cup": payload})
+    trajectory, loaded = retime_with_report(path, robot, tight, fast, payloads={"brick": payload})
+    assert [s.duration for s in other.segments] == [s.duration for s in bare.segments]
+    assert loaded.segments[0].duration > bare.segments[0].duration
+    assert loaded.segments[1].duration == bare.segments[1].duration
+    carrying = robot.with_payload(payload)
+    held = trajectory.segments[0]
+    samples = slice(held.start, held.stop)
+    carried = Trajectory(trajectory.q[samples], trajectory.qd[samples], trajectory.qdd[samples])
+    checks = check_trajectory(carried, tight, fast, carrying.torque, carrying.tcp_poses)
+    assert not [c for c in checks if not c.ok]
+
+
+def test_a_thing_too_heavy_for_one_segment_is_refused_by_segment_place_and_joint(robot):
+    there = polyline(np.vstack([REST, REST + np.array([0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0])]))
+    path = JointPath((PathSegment("reach", there), PathSegment("carry", there[::-1], held="anvil")))
+    text = (
+        r"segment 'carry' breaks torque even at rest at waypoint \d+ \(\d+ % of its length\): joint \d needs \d+\.\d Nm"
+    )
+    with pytest.raises(RetimingError, match=text):
+        retime(path, robot, LIMITS, SAFETY, payloads={"anvil": Payload(12.0)})
+
+
+@pytest.mark.parametrize("factor", [20.0, 10.0])
+def test_at_tight_jerk_limits_a_move_takes_little_more_than_its_joints_need(factor, robot):
+    gentle = replace(SAFETY, velocity_scale=0.5, acceleration_scale=0.25, hand_speed=1.7)
+    limits = replace(LIMITS, qddd=factor * 0.25 * LIMITS.qdd)
+    goal = REST + np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    trajectory, report = retime_with_report(single(polyline(np.vstack([REST, goal]))), robot, limits, gentle)
+    # Up, hold and down with a trapezoid of acceleration: d / v + v / a + a / j.
+    v, a = 0.5 * LIMITS.qd[0], 0.25 * LIMITS.qdd[0]
+    textbook = 0.9 / v + v / a + 1.0 / factor
+    assert textbook - 2e-3 <= report.segments[0].duration < 1.02 * textbook
+    checks = check_trajectory(trajectory, limits, gentle, robot.torque, robot.tcp_poses)
+    assert not [c for c in checks if not c.ok]
