@@ -112,10 +112,13 @@ def dropped(base: Base, rng: np.random.Generator) -> Case | None:
 
 
 def knocked_over(base: Base, rng: np.random.Generator) -> Case | None:
-    """A slender neighbour stands in the way of the moving hand, which strikes it 5 cm below its top."""
+    """A slender neighbour stands in the way of the moving hand, which strikes it 5 cm below its top.
+
+    It falls, or is pushed along where something stops its fall.
+    """
     wanted = Wanted(-0.05, width=(0.04, 0.05), speed=0.08, height=0.12)
     twin = obstacle_below(base, wanted, rng)
-    return None if twin is None else _case(base, "knocked_over", {"tipped"}, twin=twin, culprit=NAME)
+    return None if twin is None else _case(base, "knocked_over", {"tipped", "moved"}, twin=twin, culprit=NAME)
 
 
 def excess_force(base: Base, rng: np.random.Generator) -> Case | None:
@@ -126,7 +129,8 @@ def excess_force(base: Base, rng: np.random.Generator) -> Case | None:
         return None
     if put:
         row = put[-1].stop - 1
-        ways = [base.trajectory.q[row], _moved_hand(base, base.trajectory.q[row], depth)]
+        fall = max(0.0, _lowest(base, put[-1].held or "", row))  # things are let go a little above what carries them
+        ways = [base.trajectory.q[row], _moved_hand(base, base.trajectory.q[row], fall + depth)]
     else:
         row = len(base.trajectory.q) - 1
         spot = _free_spot(base, rng)
