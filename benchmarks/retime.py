@@ -20,6 +20,7 @@ import numpy as np
 
 from control.limits import panda_limits
 from control.on_path_stop import stop_on_path
+from control.playback import Playback
 from control.retime import retime, retime_with_report
 from control.robot import RobotModel
 from control.safety import SafetyLimits
@@ -67,7 +68,7 @@ def measure(kind: str, name: str, path: JointPath, robot: RobotModel, rng: np.ra
     _, check = timed(lambda: check_trajectory(trajectory, limits, safety))
     checks, check_model = timed(lambda: check_trajectory(trajectory, limits, safety, robot.torque, robot.tcp_poses))
     index = int(rng.integers(len(trajectory.q)))
-    stop, stop_compute = timed(lambda: stop_on_path(trajectory, index, limits))
+    stop, stop_compute = timed(lambda: stop_on_path(Playback.of(trajectory), index, limits))
     moving = {stretch.name: trajectory.q[stretch.start : stretch.stop] for stretch in trajectory.segments}
     deviations = [deviation_from_polyline(moving[s.name], s.q) for s in path.segments if s.name in moving]
     return Row(
@@ -81,7 +82,7 @@ def measure(kind: str, name: str, path: JointPath, robot: RobotModel, rng: np.ra
         check=check,
         check_model=check_model,
         stop_compute=stop_compute,
-        stop=len(stop.q) * SAMPLE_TIME,
+        stop=(len(stop.q) - 1 - index) * SAMPLE_TIME,
     )
 
 

@@ -63,6 +63,7 @@ class Certificate:
         serial: Unique; a driver plays each serial once.
         trajectory_hash: `Trajectory.content_hash` of exactly these samples.
         profile: Robot profile that the limits belong to, for instance "panda/5".
+        firmware: Family of robot system versions that the limits belong to (`RobotLimits.firmware`).
         scene_stamp: Time in [s] (robot's clock) of the frame that the twin was built from.
         limits_hash: Hash of the safety limits and robot limits that were checked.
         issued, expires: Times in [s] on the robot's clock.
@@ -71,6 +72,7 @@ class Certificate:
     serial: str
     trajectory_hash: str
     profile: str
+    firmware: str
     scene_stamp: float
     limits_hash: str
     issued: float

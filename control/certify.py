@@ -50,6 +50,7 @@ def issue_certificate(
     verdict: Verdict,
     *,
     profile: str,
+    firmware: str,
     limits_hash: str,
     scene_stamp: float,
     now: float,
@@ -62,6 +63,7 @@ def issue_certificate(
         trajectory: Exactly the samples that were judged.
         verdict: Judgement of them.
         profile: Robot profile whose limits were checked.
+        firmware: Firmware family that those limits belong to.
         limits_hash: `limits_hash` of the limits that were checked.
         scene_stamp: Time in [s] of the frame that the twin was built from, on the robot's clock.
         now: Time in [s] on the robot's clock.
@@ -87,6 +89,7 @@ def issue_certificate(
         serial=serial or uuid.uuid4().hex,
         trajectory_hash=trajectory.content_hash(),
         profile=profile,
+        firmware=firmware,
         scene_stamp=float(scene_stamp),
         limits_hash=limits_hash,
         issued=float(now),
@@ -98,6 +101,7 @@ def verify_certificate(
     certificate: Certificate | None,
     trajectory: Trajectory,
     profile: str,
+    firmware: str,
     limits_hash: str,
     now: float,
     used_serials: Collection[str],
@@ -110,6 +114,7 @@ def verify_certificate(
         certificate: What came with the trajectory, or None.
         trajectory: What would be played.
         profile: Profile of this robot.
+        firmware: Firmware family of this robot.
         limits_hash: `limits_hash` of this robot's own limits.
         now: Time in [s] on this robot's clock.
         used_serials: Serials that were accepted before; the caller adds this one when it accepts.
@@ -117,9 +122,9 @@ def verify_certificate(
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
 
     Raises:
-        RefusedError: With code no_certificate, trajectory_changed, wrong_profile, wrong_limits, certificate_used,
-            certificate_from_future, certificate_expired, scene_too_old or start_mismatch; the first that applies, in
-            this order.
+        RefusedError: With code no_certificate, trajectory_changed, wrong_profile, wrong_firmware, wrong_limits,
+            certificate_used, certificate_from_future, certificate_expired, scene_too_old or start_mismatch; the first
+            that applies, in this order.
     """
     if certificate is None:
         raise RefusedError(
@@ -138,6 +143,12 @@ def verify_certificate(
             "wrong_profile",
             f"the certificate is for a robot of profile '{certificate.profile}', this one is '{profile}'; have the "
             "trajectory judged with this robot's limits",
+        )
+    if certificate.firmware != firmware:
+        raise RefusedError(
+            "wrong_firmware",
+            f"the certificate is for firmware '{certificate.firmware}', this robot runs '{firmware}', which enforces "
+            "limits of its own; have the trajectory judged with the limits of this robot's firmware",
         )
     if certificate.limits_hash != limits_hash:
         raise RefusedError(

@@ -8,7 +8,8 @@ StackError
 │   ├── UnknownObjectError a name that the scene does not have
 │   └── ContradictionError two terms of a spec that cannot hold together
 ├── TrajectoryError        a trajectory that is malformed or breaks a limit
-│   └── RetimingError      a path for which no time law within the limits was found
+│   ├── RetimingError      a path for which no time law within the limits was found
+│   └── MotionFileError    a motion file that cannot be read as one
 ├── RefusedError           the driver refused (reason code and text); nothing moved
 ├── RobotGoneError         the robot process died, froze or never answered
 ├── StoppedError           motion was stopped on request; the arm is at rest on its path
@@ -50,6 +51,10 @@ class TrajectoryError(StackError):
 
 class RetimingError(TrajectoryError):
     """A path for which no time law within the limits was found."""
+
+
+class MotionFileError(TrajectoryError):
+    """A motion file that cannot be read as one; names the file, and where it can the row and the column."""
 
 
 class RefusedError(StackError):

@@ -1,6 +1,9 @@
-"""What a robot may do: limits of position, velocity, acceleration, jerk, torque. Needs numpy only."""
+"""What a robot may do: limits of position, velocity, acceleration, jerk, torque. Needs numpy only.
 
-from dataclasses import dataclass, replace
+The numbers stand in the files of profiles/, which `control.robot_profiles` reads.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,11 +14,43 @@ REST_Q = (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398)  # Franka's "
 
 
 @dataclass(frozen=True)
+class VelocityEnds:
+    """How far a joint may go at what speed: towards its end it must be able to brake in time.
+
+        upper(q) = max(0, -offset + sqrt(max(0, 2 deceleration (q_high - q))))
+        lower(q) = max(0, -offset + sqrt(max(0, 2 deceleration (q - q_low))))
+
+    are the largest speeds upwards and downwards, where they are below the joint's speed limit. Within
+    offset^2 / (2 deceleration) of an end a joint must not move towards it at all.
+
+    Source: Franka Control Interface documentation, "Control Interface Specification and Robot Limits",
+    position-based velocity limits of the Franka Research 3.
+
+    Attributes:
+        q_low, q_high: Where braking has to end, in [rad], shape (7,).
+        offset: Speed kept in reserve in [rad/s], shape (7,).
+        deceleration: Braking that is counted on in [rad/s^2], shape (7,).
+    """
+
+    q_low: np.ndarray
+    q_high: np.ndarray
+    offset: np.ndarray
+    deceleration: np.ndarray
+
+    def largest(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Largest speeds upwards and downwards in [rad/s] at positions in [rad], both of the shape of q, (..., 7)."""
+        upper = np.sqrt(np.maximum(2.0 * self.deceleration * (self.q_high - q), 0.0)) - self.offset
+        lower = np.sqrt(np.maximum(2.0 * self.deceleration * (q - self.q_low), 0.0)) - self.offset
+        return np.maximum(upper, 0.0), np.maximum(lower, 0.0)
+
+
+@dataclass(frozen=True)
 class RobotLimits:
     """Limits of one robot profile; joint arrays have shape (7,).
 
     Attributes:
         profile: Name and interface version that the numbers belong to.
+        firmware: Family of robot system versions that enforce these numbers.
         q_min, q_max: Joint positions in [rad].
         qd: Joint speeds in [rad/s].
         qdd: Joint accelerations in [rad/s^2].
@@ -24,9 +59,11 @@ class RobotLimits:
         taud: Torque rates in [Nm/s].
         cartesian_speed, cartesian_acceleration, cartesian_jerk: Of the hand in [m/s], [m/s^2], [m/s^3].
         angular_speed, angular_acceleration, angular_jerk: Of the hand in [rad/s], [rad/s^2], [rad/s^3].
+        velocity_ends: How joint speeds fall off towards the ends of the joints; None where they do not.
     """
 
     profile: str
+    firmware: str
     q_min: np.ndarray
     q_max: np.ndarray
     qd: np.ndarray
@@ -40,41 +77,11 @@ class RobotLimits:
     angular_speed: float
     angular_acceleration: float
     angular_jerk: float
-
-    def scaled(self, velocity: float, acceleration: float) -> "RobotLimits":
-        """The same robot at shares (0..1) of its speed and acceleration limits; the others stay as published."""
-        return replace(
-            self,
-            qd=self.qd * velocity,
-            qdd=self.qdd * acceleration,
-            cartesian_speed=self.cartesian_speed * velocity,
-            cartesian_acceleration=self.cartesian_acceleration * acceleration,
-            angular_speed=self.angular_speed * velocity,
-            angular_acceleration=self.angular_acceleration * acceleration,
-        )
+    velocity_ends: VelocityEnds | None = None
 
 
 def panda_limits(gripper: GripperModel = PANDA_HAND) -> RobotLimits:
-    """Published limits of the Franka Emika Panda (interface version 5).
+    """Published limits of the Franka Emika Panda (profile "panda/5" of `control.robot_profiles`)."""
+    from control.robot_profiles import load_profile  # it reads files, which needs more than numpy
 
-    The profile names a gripper that is not the Panda's own hand, so that nothing planned for one gripper is played
-    with another.
-
-    Source: Franka Control Interface documentation, "Robot and interface specifications", Panda.
-    """
-    return RobotLimits(
-        profile="panda/5" if gripper == PANDA_HAND else f"panda/5+{gripper.name}",
-        q_min=np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]),
-        q_max=np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]),
-        qd=np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61]),
-        qdd=np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
-        qddd=np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0]),
-        tau=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
-        taud=np.full(7, 1000.0),
-        cartesian_speed=1.7,
-        cartesian_acceleration=13.0,
-        cartesian_jerk=6500.0,
-        angular_speed=2.5,
-        angular_acceleration=25.0,
-        angular_jerk=12500.0,
-    )
+    return load_profile("panda/5", gripper)

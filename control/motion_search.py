@@ -19,7 +19,7 @@ from control.early_refusals import start_contact, too_high
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
 from control.kinematics import ArmKinematics
-from control.limits import REST_Q, panda_limits
+from control.limits import REST_Q, RobotLimits, panda_limits
 from control.motion_result import MotionPlan, MotionStats
 from control.receding_horizon import follow
 from control.rewards import RewardSpec
@@ -43,6 +43,7 @@ def plan_motion(
     nthread: int = 2,
     variants: Sequence[TwinModel] = (),
     observe: Observer | None = None,
+    limits: RobotLimits | None = None,
 ) -> MotionPlan | FailureCause:
     """Find a motion that meets a spec's terms in the twin and keeps every safety residual.
 
@@ -58,6 +59,7 @@ def plan_motion(
         variants: Perturbed twins of the same layout. Where given, the best plans are tried in them as well and the one
             that succeeds most often is chosen.
         observe: Told of each batch of motions that is simulated.
+        limits: Published limits of the robot; the Panda's if None.
 
     Returns:
         The plan; or why there is none: `not_seen`, `no_candidate` (with counts of where candidates were lost) or
@@ -68,7 +70,7 @@ def plan_motion(
     """
     refuse_contradictions(spec, twin)
     arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
-    around = Surroundings(safety, rng, arm, max_rollouts, nthread, observe)
+    around = Surroundings(safety, limits or panda_limits(), rng, arm, max_rollouts, nthread, observe)
     stages = stages_of(spec, twin)
     if isinstance(stages, FailureCause):
         return stages
@@ -86,7 +88,7 @@ def plan_one(
     refused = hindrance(twin, spec, task, safety) or closed(twin, task) or too_high(twin, task, arm)
     if refused is not None:
         return refused
-    bench = Workbench(twin, task, safety, panda_limits(), arm, around.rng, spec)
+    bench = Workbench(twin, task, safety, around.limits, arm, around.rng, spec)
     palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
     judged = judge_term(
         spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height, twin.joint_fractions()

@@ -13,12 +13,14 @@ B-spline that starts and ends exactly where the polyline does and stays within a
 Whichever can be driven faster is taken.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.signal import savgol_filter
+
+from control.motion_bounds import MotionBounds
 
 DEGREE = 5
 DENSE = 512  # points at which the polyline is fitted and compared
@@ -36,11 +38,17 @@ class SmoothPath:
         spline: Quintic, seven components in [rad].
         breaks: Distinct knots, shape (k,).
         deviation: Largest difference of a joint from the waypoints' polyline in [rad].
+        waypoints: Which of the waypoints the path goes through or by, as rows of what was given, shape (m,).
+        passed: Parameters at which it does, increasing, shape (m,).
+        lengths: Length of the waypoints' polyline up to each of them in [rad], shape (m,).
     """
 
     spline: BSpline
     breaks: np.ndarray
     deviation: float
+    waypoints: np.ndarray
+    passed: np.ndarray
+    lengths: np.ndarray
 
     @property
     def length(self) -> float:
@@ -55,41 +63,47 @@ class SmoothPath:
         """The same path with another end of the parameter."""
         factor = length / self.length
         spline = BSpline(self.spline.t * factor, self.spline.c, self.spline.k)
-        return SmoothPath(spline, self.breaks * factor, self.deviation)
+        return replace(self, spline=spline, breaks=self.breaks * factor, passed=self.passed * factor)
+
+    def place(self, s: float) -> str:
+        """Where a parameter is, for people: the nearest waypoint and the share of the polyline up to there."""
+        row = self.waypoints[int(np.argmin(np.abs(self.passed - s)))]
+        share = float(np.interp(s, self.passed, self.lengths)) / float(self.lengths[-1])
+        return f"at waypoint {row} ({100 * share:.0f} % of its length)"
 
 
 def distinct_waypoints(q: np.ndarray) -> np.ndarray:
-    """Waypoints without repetitions, shape (m, 7), m >= 1; the last waypoint itself is always kept."""
+    """Rows of waypoints without repetitions, shape (m,), m >= 1; the last waypoint itself is always kept."""
     kept = [0]
     for k in range(1, len(q)):
         if np.max(np.abs(q[k] - q[kept[-1]])) > SAME_POINT:
             kept.append(k)
     if len(kept) > 1:
         kept[-1] = len(q) - 1
-    return q[kept]
+    return np.array(kept)
 
 
 def smooth_path(
-    waypoints: np.ndarray, tolerance: float, q_min: np.ndarray, q_max: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+    waypoints: np.ndarray, tolerance: float, q_min: np.ndarray, q_max: np.ndarray, bounds: MotionBounds
 ) -> SmoothPath:
-    """The smooth path through distinct waypoints that can be driven fastest.
+    """The smooth path through waypoints that can be driven fastest.
 
     Args:
-        waypoints: Distinct, in [rad], shape (m, 7), m >= 2, inside the limits.
+        waypoints: In [rad], shape (n, 7), inside the limits, two of them at least apart from each other.
         tolerance: Largest deviation of a joint from the polyline in [rad].
         q_min, q_max: Joint limits that the smooth path keeps as well, in [rad].
-        qd, qdd: Limits in [rad/s], [rad/s^2] by which candidates are compared.
+        bounds: Speed, acceleration and jerk of joints by which candidates are compared.
 
     Returns:
         A path whose parameter ends at its roughly estimated duration in [s], so that speeds along it are near one.
     """
-    u = _chord_parameter(waypoints)
-    candidates = [
-        path
-        for path in (_least_squares(u, waypoints, tolerance, q_min, q_max), _corner_rounding(u, waypoints, tolerance))
-        if path is not None
-    ]
-    times = [_estimated_time(path, qd, qdd) for path in candidates]
+    rows = distinct_waypoints(waypoints)
+    q = waypoints[rows]
+    u = _chord_parameter(q)
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+    found = [_least_squares(u, q, tolerance, q_min, q_max), _corner_rounding(u, q, tolerance)]
+    candidates = [SmoothPath(f[0], f[1], f[2], rows, u, lengths) for f in found if f is not None]
+    times = [_estimated_time(path, bounds) for path in candidates]
     best = int(np.argmin(times))
     return candidates[best].rescaled(max(times[best], 1e-3))
 
@@ -129,8 +143,8 @@ def _even_basis(intervals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _least_squares(
     u: np.ndarray, q: np.ndarray, tolerance: float, q_min: np.ndarray, q_max: np.ndarray
-) -> SmoothPath | None:
-    """Fit with the fewest even knots that keeps the tolerance and the limits, or None."""
+) -> tuple[BSpline, np.ndarray, float] | None:
+    """Spline, breaks and deviation of the fit with the fewest even knots that keeps tolerance and limits, or None."""
     even = np.linspace(0.0, 1.0, DENSE)
     dense = _polyline(u, q, even)
     # The end points are held exactly: the first and last control points are taken out of the fit.
@@ -147,12 +161,12 @@ def _least_squares(
         fitted = spline(np.concatenate([even, u]))
         deviation = float(np.max(np.abs(fitted - np.concatenate([dense, q]))))
         if deviation <= tolerance and np.all(fitted >= q_min) and np.all(fitted <= q_max):
-            return SmoothPath(spline, np.linspace(0.0, 1.0, intervals + 1), deviation)
+            return spline, np.linspace(0.0, 1.0, intervals + 1), deviation
     return None
 
 
-def _corner_rounding(u: np.ndarray, q: np.ndarray, tolerance: float) -> SmoothPath:
-    """Schoenberg's spline on knots that are halved until the tolerance is kept."""
+def _corner_rounding(u: np.ndarray, q: np.ndarray, tolerance: float) -> tuple[BSpline, np.ndarray, float]:
+    """Schoenberg's spline on knots that are halved until the tolerance is kept, its breaks and its deviation."""
     breaks = np.linspace(0.0, 1.0, 5)
     while True:
         knots = _clamped_knots(breaks)
@@ -168,7 +182,7 @@ def _corner_rounding(u: np.ndarray, q: np.ndarray, tolerance: float) -> SmoothPa
         worst = np.zeros(len(breaks) - 1)
         np.maximum.at(worst, interval, error)
         if worst.max() <= tolerance or len(breaks) > MAX_INTERVALS:
-            return SmoothPath(spline, breaks, float(worst.max()))
+            return spline, breaks, float(worst.max())
         breaks = _split(breaks, worst > tolerance)
 
 
@@ -183,11 +197,12 @@ def _split(breaks: np.ndarray, split: np.ndarray) -> np.ndarray:
     return breaks
 
 
-def _estimated_time(path: SmoothPath, qd: np.ndarray, qdd: np.ndarray) -> float:
-    """Rough duration in [s]: time at the speed that velocity and centripetal acceleration allow, plus run-up."""
+def _estimated_time(path: SmoothPath, bounds: MotionBounds) -> float:
+    """Rough duration in [s]: at the speed that velocity and what bends the path allow at a steady pace, plus run-up."""
     s = np.unique(np.concatenate([np.linspace(0.0, 1.0, 200), (path.breaks[:-1] + path.breaks[1:]) / 2]))
-    first, second = np.abs(path(s, 1)), np.abs(path(s, 2))
-    slowness = np.maximum(np.max(first / qd, axis=1), np.sqrt(np.max(second / qdd, axis=1)))
+    slowness = np.zeros(len(s))
+    for order, limit in ((1, bounds.qd), (2, bounds.qdd), (3, bounds.qddd)):
+        slowness = np.maximum(slowness, np.max(np.abs(path(s, order)) / limit, axis=1) ** (1.0 / order))
     cruise = float(np.sum((slowness[1:] + slowness[:-1]) / 2 * np.diff(s)))
     reach = np.ptp(path.spline.c, axis=0)
-    return max(cruise, 2.0 * float(np.sqrt(np.max(reach / qdd))))
+    return max(cruise, 2.0 * float(np.sqrt(np.max(reach / bounds.qdd))))

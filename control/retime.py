@@ -4,7 +4,8 @@ Each segment goes from rest to rest (`control.segment_timing`); between them the
 rests. The joined stream keeps the limits because each segment does and joins are at rest.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from control.errors import RetimingError
 from control.gripper import GripperModel
 from control.limits import RobotLimits
 from control.path_smoothing import distinct_waypoints
-from control.robot import RobotModel
+from control.robot import Payload, RobotModel
 from control.safety import SafetyLimits
-from control.segment_timing import RetimingOptions, SegmentReport, time_segment
+from control.segment_timing import RetimingOptions, SegmentReport, shortest_time, time_segment
 from control.trajectory import (
     SAMPLE_TIME,
     GripperCommand,
@@ -53,9 +54,10 @@ def retime(
     limits: RobotLimits,
     safety: SafetyLimits,
     options: RetimingOptions | None = None,
+    payloads: Mapping[str, Payload] | None = None,
 ) -> Trajectory:
     """Put a time law on a path; see `retime_with_report`."""
-    return retime_with_report(path, robot, limits, safety, options)[0]
+    return retime_with_report(path, robot, limits, safety, options, payloads)[0]
 
 
 def retime_with_report(
@@ -64,6 +66,7 @@ def retime_with_report(
     limits: RobotLimits,
     safety: SafetyLimits,
     options: RetimingOptions | None = None,
+    payloads: Mapping[str, Payload] | None = None,
 ) -> tuple[Trajectory, RetimingReport]:
     """Put a time law on a path.
 
@@ -74,6 +77,7 @@ def retime_with_report(
         safety: Shares of them that may be used, and the hand's speeds. A segment's speed_scale slows all speeds down
             further; accelerations stay.
         options: Tolerance, dwells and tuning.
+        payloads: What things weigh, by name; segments that hold one of them are timed with its weight in the hand.
 
     Returns:
         The trajectory, at rest at each end of each segment, and how it was made. The dwell of a gripper command is a
@@ -81,12 +85,14 @@ def retime_with_report(
         hand is closing or opening, and may touch what the path segment before it may.
 
     Raises:
-        RetimingError: Waypoints that are malformed, outside the joint limits or not joined, or a pose that the arm
-            cannot hold; names the segment and the limit.
+        RetimingError: Waypoints that are malformed, outside the joint limits or not joined, a pose that the arm cannot
+            hold, or a limit that no time law keeps; names the segment, the place and the limit.
+        ConfigError: A payload's mass is not a number >= 0.
     """
     options = options or RetimingOptions()
     if not path.segments:
         raise RetimingError("the path has no segments; it needs at least one")
+    loaded = _Loads(robot, payloads or {})
     pieces: list[np.ndarray] = []
     events: list[GripperEvent] = []
     stretches: list[TrajectorySegment] = []
@@ -100,8 +106,8 @@ def retime_with_report(
             count = 1
         start = count if stretches else 0
         last = q[-1]
-        if len(q) > 1:
-            samples, report = time_segment(segment, q, robot, limits, safety, options)
+        if np.any(q != q[0]):
+            samples, report = time_segment(replace(segment, q=q), loaded(segment), limits, safety, options)
             reports.append(report)
             pieces.append(samples)
             count += len(samples)
@@ -131,6 +137,39 @@ def retime_with_report(
     return trajectory, RetimingReport(tuple(reports))
 
 
+def shortest_moving_time(
+    path: JointPath,
+    robot: RobotModel,
+    limits: RobotLimits,
+    safety: SafetyLimits,
+    options: RetimingOptions,
+    payloads: Mapping[str, Payload] | None = None,
+) -> float:
+    """Shortest time in [s] in which the smooth paths of all segments can be driven with unbounded jerk and torque rate.
+
+    Arguments as for `retime_with_report`; the finer `options.grid`, the tighter.
+    """
+    loaded = _Loads(robot, payloads or {})
+    moving = [s for s in path.segments if len(distinct_waypoints(np.asarray(s.q, float))) > 1]
+    return sum(shortest_time(s, loaded(s), limits, safety, options) for s in moving)
+
+
+class _Loads:
+    """The robot with what each segment holds, made once for each thing."""
+
+    def __init__(self, robot: RobotModel, payloads: Mapping[str, Payload]) -> None:
+        self._robot, self._payloads = robot, payloads
+        self._made: dict[str, RobotModel] = {}
+
+    def __call__(self, segment: PathSegment) -> RobotModel:
+        name = segment.held
+        if name is None or name not in self._payloads:
+            return self._robot
+        if name not in self._made:
+            self._made[name] = self._robot.with_payload(self._payloads[name])
+        return self._made[name]
+
+
 def _dwell(command: GripperCommand, options: RetimingOptions, gripper: GripperModel) -> float:
     """Time in [s] for a command: a slow gripper needs longer than usual for its whole stroke."""
     usual = options.grasp_dwell if command.kind == "grasp" else options.move_dwell
@@ -140,7 +179,7 @@ def _dwell(command: GripperCommand, options: RetimingOptions, gripper: GripperMo
 def _checked_waypoints(
     segment: PathSegment, last: np.ndarray | None, limits: RobotLimits, safety: SafetyLimits
 ) -> np.ndarray:
-    """Distinct waypoints that begin exactly where the segment before ended, shape (m >= 1, 7)."""
+    """Waypoints that begin exactly where the segment before ended, shape (m >= 1, 7); one where nothing moves."""
     q = np.array(segment.q, dtype=float)
     name = f"segment '{segment.name}'"
     if q.ndim != 2 or q.shape[1] != 7 or len(q) == 0:
@@ -167,4 +206,4 @@ def _checked_waypoints(
             f"{name} breaks joint_position at waypoint {row}: joint {joint + 1} is at {q[row, joint]:.4f} rad; "
             f"{low:.4f} to {high:.4f} rad is allowed with the margin of {safety.joint_margin} rad"
         )
-    return distinct_waypoints(q)
+    return q if len(distinct_waypoints(q)) > 1 else q[:1]

@@ -125,6 +125,26 @@ class RobotModel:
             out[k] = self.tcp_jacobian(row)
         return out
 
+    def tcp_motion(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How the tool centre point moves, in the axes of the base.
+
+        Args:
+            q, qd, qdd: In [rad], [rad/s], [rad/s^2], each of shape (n, 7).
+
+        Returns:
+            Velocities, linear [m/s] then angular [rad/s], and accelerations, linear [m/s^2] then angular [rad/s^2], of
+            shape (n, 6) each.
+        """
+        pin, model, data, tcp = self._pin, self._model, self._data, self._tcp
+        aligned = pin.LOCAL_WORLD_ALIGNED
+        q, qd, qdd = (np.ascontiguousarray(x, dtype=float) for x in (q, qd, qdd))
+        velocity, acceleration = np.empty((len(q), 6)), np.empty((len(q), 6))
+        for k in range(len(q)):
+            pin.forwardKinematics(model, data, q[k], qd[k], qdd[k])
+            velocity[k] = pin.getFrameVelocity(model, data, tcp, aligned).vector
+            acceleration[k] = pin.getFrameClassicalAcceleration(model, data, tcp, aligned).vector
+        return velocity, acceleration
+
     def torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Joint torques tau = M(q) qdd + C(q, qd) qd + g(q) by the recursive Newton-Euler algorithm, in [Nm].
 

@@ -78,16 +78,41 @@ def safety_table(safety: SafetyLimits | None = None, limits: RobotLimits | None 
     """
     safety, limits = safety or SafetyLimits(), limits or panda_limits()
     speed, acceleration = safety.velocity_scale, safety.acceleration_scale
+    ends = "" if limits.velocity_ends is None else ", which is lower near the ends of a joint"
     rest = f"acceleration {REST_ACCELERATION:g} rad/s^2"
     samples: tuple[tuple[str, str, str, tuple[float, ...]], ...] = (
         ("joint_position", "distance to the nearest position limit", "rad", (safety.joint_margin,)),
-        ("joint_velocity", f"{speed:.0%} of the published limit", "rad/s", tuple(limits.qd * speed)),
+        ("joint_velocity", f"{speed:.0%} of the published limit{ends}", "rad/s", tuple(limits.qd * speed)),
         ("joint_acceleration", f"{acceleration:.0%} of it", "rad/s^2", tuple(limits.qdd * acceleration)),
         ("joint_jerk", "third difference of the positions", "rad/s^3", tuple(limits.qddd)),
         ("torque", "joint torque by the rigid-body model", "Nm", tuple(limits.tau)),
         ("torque_rate", "its change per second", "Nm/s", tuple(limits.taud)),
-        ("hand_speed", "commanded speed of the tool centre point", "m/s", (safety.hand_speed,)),
-        ("hand_angular_speed", "commanded angular speed of the hand", "rad/s", (safety.hand_angular_speed,)),
+        (
+            "hand_speed",
+            "commanded speed of the tool centre point",
+            "m/s",
+            (min(safety.hand_speed, limits.cartesian_speed),),
+        ),
+        (
+            "hand_angular_speed",
+            "commanded angular speed of the hand",
+            "rad/s",
+            (min(safety.hand_angular_speed, limits.angular_speed),),
+        ),
+        (
+            "hand_acceleration",
+            f"commanded acceleration of the tool centre point, {acceleration:.0%} of the published limit",
+            "m/s^2",
+            (limits.cartesian_acceleration * acceleration,),
+        ),
+        (
+            "hand_angular_acceleration",
+            f"commanded angular acceleration of the hand, {acceleration:.0%} of the published limit",
+            "rad/s^2",
+            (limits.angular_acceleration * acceleration,),
+        ),
+        ("hand_jerk", "commanded jerk of the tool centre point", "m/s^3", (limits.cartesian_jerk,)),
+        ("hand_angular_jerk", "commanded angular jerk of the hand", "rad/s^3", (limits.angular_jerk,)),
         ("starts_at_rest", f"speed of the first sample; {rest}", "rad/s", (REST_SPEED,)),
         ("ends_at_rest", f"speed of the last sample; {rest}", "rad/s", (REST_SPEED,)),
         ("sampled_consistently", "difference of the derivatives from those of q", "of the allowed difference", (1.0,)),

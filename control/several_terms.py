@@ -15,7 +15,7 @@ from control.batches import Observer
 from control.failure import FailureCause
 from control.goal_predicates import judge_term
 from control.kinematics import ArmKinematics
-from control.limits import REST_Q
+from control.limits import REST_Q, RobotLimits
 from control.motion_result import MotionPlan, MotionStats
 from control.rewards import PALM, RewardSpec, RewardTerm
 from control.safety import SafetyLimits
@@ -29,6 +29,7 @@ class Surroundings:
     """What all stages of a search share; see `control.motion_search.plan_motion`."""
 
     safety: SafetyLimits
+    limits: RobotLimits
     rng: np.random.Generator
     arm: ArmKinematics
     max_rollouts: int

@@ -113,7 +113,7 @@ def fastest_time_law(bounds: PathBounds) -> TimeLaw:
     if speed is None or not np.all(np.isfinite(speed)):
         code = solver.problem_data.return_code.name
         raise RetimingError(
-            f"no time law was found on {len(grid)} grid points ({code}); resting must be allowed everywhere, take "
+            f"has no time law on {len(grid)} grid points ({code}); resting must be allowed everywhere, take "
             "another path or one with wider corners"
         )
     speed = speed * np.sqrt(top)

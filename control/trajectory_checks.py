@@ -44,7 +44,7 @@ def check_trajectory(
         torque: (q, qd, qdd), each of shape (n, 7), to torques in [Nm] of the same shape; None leaves out the checks
             `torque` and `torque_rate`.
         tcp: q of shape (n, 7) to poses of the tool centre point, shape (n, 4, 4), in any fixed frame; None leaves out
-            `hand_speed` and `hand_angular_speed`.
+            all checks of the hand (speed, acceleration and jerk, linear and angular).
 
     Returns:
         One result per check; where a joint is to blame its name stands in `bodies`. `joint_position` gives the
@@ -60,7 +60,9 @@ def check_trajectory(
     names = trajectory.joint_names
     results = [
         _position(trajectory, limits, safety),
-        _joint_check("joint_velocity", qd, limits.qd * safety.velocity_scale, "rad/s", names, n),
+        _joint_check(
+            "joint_velocity", qd, _largest_speeds(padded, qd, limits) * safety.velocity_scale, "rad/s", names, n
+        ),
         _joint_check("joint_acceleration", qdd, limits.qdd * safety.acceleration_scale, "rad/s^2", names, n),
         _joint_check("joint_jerk", qddd, limits.qddd, "rad/s^3", names, n),
     ]
@@ -70,9 +72,7 @@ def check_trajectory(
         results.append(_joint_check("torque", tau, limits.tau, "Nm", names, n))
         results.append(_joint_check("torque_rate", taud, limits.taud, "Nm/s", names, n))
     if tcp is not None:
-        linear, angular = _hand_speeds(tcp(q))
-        results.append(_scalar_check("hand_speed", linear, safety.hand_speed, "m/s"))
-        results.append(_scalar_check("hand_angular_speed", angular, safety.hand_angular_speed, "rad/s"))
+        results.extend(_hand(tcp(padded), limits, safety, n))
     results.append(_rest("starts_at_rest", trajectory, 0))
     results.append(_rest("ends_at_rest", trajectory, n - 1))
     results.append(_consistency(trajectory))
@@ -84,33 +84,39 @@ def _moment(row: int, n: int) -> float:
     return min(max(row - PADDING, 0), n - 1) * SAMPLE_TIME
 
 
+def _largest_speeds(padded: np.ndarray, qd: np.ndarray, limits: RobotLimits) -> np.ndarray:
+    """Published speed limits in [rad/s] of each difference, shape of qd.
+
+    Where they depend on the position, braking from the speed v must end offset before the joint's end:
+    (v + offset)^2 <= 2 deceleration distance, at the sample before and at the sample after the difference.
+    """
+    largest = np.broadcast_to(limits.qd, qd.shape)
+    ends = limits.velocity_ends
+    if ends is None:
+        return largest
+    for q in (padded, np.concatenate([padded[:1], padded[:-1]])):
+        distance = np.where(qd > 0.0, ends.q_high - q, q - ends.q_low)
+        braking = np.sqrt(2.0 * ends.deceleration * np.clip(distance, 0.0, None)) - ends.offset
+        largest = np.minimum(largest, np.clip(braking, 0.0, None))
+    return largest
+
+
 def _joint_check(
     name: str, values: np.ndarray, limit: np.ndarray, unit: str, joint_names: tuple[str, ...], n: int
 ) -> CheckResult:
-    """The joint and moment nearest to (or furthest beyond) its limit."""
-    share = np.abs(values) / limit
+    """The joint and moment nearest to (or furthest beyond) its limit; limits of joints, or of each moment as well."""
+    limit = np.broadcast_to(limit, values.shape)
+    share = np.abs(values) / np.maximum(limit, ROUNDING)
     row, joint = np.unravel_index(int(np.argmax(share)), share.shape)
     worst = float(abs(values[row, joint]))
     return CheckResult(
         name=name,
         worst=worst,
-        limit=float(limit[joint]),
+        limit=float(limit[row, joint]),
         unit=unit,
-        ok=bool(worst <= limit[joint] + ROUNDING),
+        ok=bool(worst <= limit[row, joint] + ROUNDING),
         at=_moment(int(row), n),
         bodies=(joint_names[joint],),
-    )
-
-
-def _scalar_check(name: str, values: np.ndarray, limit: float, unit: str) -> CheckResult:
-    row = int(np.argmax(values))
-    return CheckResult(
-        name=name,
-        worst=float(values[row]),
-        limit=limit,
-        unit=unit,
-        ok=bool(values[row] <= limit + ROUNDING),
-        at=(row + 1) * SAMPLE_TIME,
     )
 
 
@@ -129,16 +135,40 @@ def _position(trajectory: Trajectory, limits: RobotLimits, safety: SafetyLimits)
     )
 
 
-def _hand_speeds(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Linear [m/s] and angular [rad/s] speeds between samples, shape (n - 1,) each.
+def _hand(poses: np.ndarray, limits: RobotLimits, safety: SafetyLimits, n: int) -> list[CheckResult]:
+    """Speed, acceleration and jerk of the hand, linear then angular of each; poses rest at both ends."""
+    linear = np.diff(poses[:, :3, 3], axis=0, prepend=poses[:1, :3, 3]) / SAMPLE_TIME
+    angular = np.concatenate([np.zeros((1, 3)), _turns(poses[:, :3, :3])]) / SAMPLE_TIME
+    accelerations = safety.acceleration_scale
+    table = (
+        ("hand_speed", min(safety.hand_speed, limits.cartesian_speed), "m/s"),
+        ("hand_angular_speed", min(safety.hand_angular_speed, limits.angular_speed), "rad/s"),
+        ("hand_acceleration", limits.cartesian_acceleration * accelerations, "m/s^2"),
+        ("hand_angular_acceleration", limits.angular_acceleration * accelerations, "rad/s^2"),
+        ("hand_jerk", limits.cartesian_jerk, "m/s^3"),
+        ("hand_angular_jerk", limits.angular_jerk, "rad/s^3"),
+    )
+    results = []
+    for k, (name, limit, unit) in enumerate(table):
+        rates, order = (linear if k % 2 == 0 else angular), k // 2
+        values = np.linalg.norm(np.diff(rates, n=order, axis=0), axis=1) / SAMPLE_TIME**order
+        row = int(np.argmax(values))
+        worst = float(values[row])
+        at = _moment(row + order, n)
+        results.append(CheckResult(name, worst, limit, unit, ok=worst <= limit + ROUNDING, at=at))
+    return results
 
-    The angle of the relative rotation R = R0^T R1 follows from |R1 - R0|_F = 2 sqrt(2) sin(angle / 2), which keeps
-    its precision for the small angles of one millisecond, where the arc cosine of the trace loses it.
+
+def _turns(rotations: np.ndarray) -> np.ndarray:
+    """Rotation vectors in [rad] from each rotation to the next in the fixed frame, shape (n - 1, 3).
+
+    Half the sum of the cross products of each axis before with itself after is sin(angle) times the axis of rotation;
+    for the small angles of one millisecond it keeps the precision that the arc cosine of the trace loses.
     """
-    steps = np.diff(poses, axis=0)
-    linear = np.linalg.norm(steps[:, :3, 3], axis=-1) / SAMPLE_TIME
-    chord = np.sqrt(np.sum(steps[:, :3, :3] ** 2, axis=(-2, -1))) / (2.0 * np.sqrt(2.0))
-    return linear, 2.0 * np.arcsin(np.minimum(chord, 1.0)) / SAMPLE_TIME
+    halves = 0.5 * np.cross(rotations[:-1], rotations[1:], axis=1).sum(axis=2)
+    sine = np.linalg.norm(halves, axis=1, keepdims=True)
+    angle = np.arcsin(np.minimum(sine, 1.0))
+    return halves * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
 
 
 def _rest(name: str, trajectory: Trajectory, row: int) -> CheckResult:

@@ -1,6 +1,7 @@
 """A client's view of a cell: state, pictures, and the one way to make the robot move."""
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -15,6 +16,7 @@ from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
+from hw_interface.gate import valid_speed
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
@@ -23,6 +25,7 @@ from hw_interface.messages import (
     InfoRequest,
     ResultRequest,
     RobotState,
+    SpeedRequest,
     StateRequest,
     StopRequest,
     Truth,
@@ -37,6 +40,7 @@ from hw_interface.transport import (
     FRAME_KEY,
     INFO_KEY,
     RESULT_KEY,
+    SPEED_KEY,
     STATE_KEY,
     STOP_KEY,
     TRAJECTORY_KEY,
@@ -72,12 +76,13 @@ class ExecutionReport:
         reason: "completed", or the code of the trouble: tracking_error, lost_grasp, gripper_late, contact, frozen,
             internal_error.
         detail: The trouble in words, empty when completed.
-        played, samples: Samples played, and samples in the trajectory.
+        played, samples: Samples of the trajectory that were played, and how many it has; at any speed.
         max_tracking_error: Largest difference per joint between commanded and measured position in [rad].
         times: Robot time of each row below in [s], shape (n,); about 100 rows a second.
         q_d, q: Commanded and measured joint positions in [rad], shape (n, 7).
         tau: Measured joint torques in [Nm], shape (n, 7).
         gripper_width: Measured distance between the pads in [m], shape (n,).
+        speed: Share of the certified speed that was commanded, shape (n,).
         final_state: State after the motion.
     """
 
@@ -92,6 +97,7 @@ class ExecutionReport:
     q: np.ndarray
     tau: np.ndarray
     gripper_width: np.ndarray
+    speed: np.ndarray
     final_state: RobotState
 
 
@@ -181,6 +187,19 @@ class CellClient:
         """
         return ask(self._session, STOP_KEY, StopRequest(reason=reason), RobotState, self._timeout)
 
+    def set_speed(self, speed: float) -> RobotState:
+        """Have motions played at a share of their certified speed: the present one from now on, and those after it.
+
+        Args:
+            speed: Above 0 and at most 1. The robot changes to it within its limits; `RobotState.speed` shows how far.
+
+        Raises:
+            RefusedError: bad_speed, too_slow, busy (the arm is being stopped), no_ramp or breaks_limit; the speed
+                stays as it was.
+            RobotGoneError: No answer.
+        """
+        return ask(self._session, SPEED_KEY, SpeedRequest(speed=_sendable(speed)), RobotState, self._timeout)
+
     def acknowledge(self) -> RobotState:
         """Make a stopped robot ready again.
 
@@ -204,6 +223,7 @@ class CellClient:
         trajectory: Trajectory,
         certificate: Certificate | None,
         on_progress: Callable[[Progress], None] | None = None,
+        speed: float | None = None,
     ) -> ExecutionReport:
         """Have a trajectory played and wait until the arm rests again.
 
@@ -212,6 +232,8 @@ class CellClient:
 
         Args:
             on_progress: Called on this thread a few dozen times a second.
+            speed: Share of the certified speed to play this motion and the next ones at, above 0 and at most 1; None
+                leaves it as it is set (1 when the robot process starts).
 
         Returns:
             The report, also when the robot stopped by itself (`completed` is False; acknowledge before moving again).
@@ -222,7 +244,7 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(trajectory, certificate)
+        request = TrajectoryRequest.of(trajectory, certificate, None if speed is None else _sendable(speed))
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):
@@ -306,6 +328,11 @@ class CellClient:
         return state
 
 
+def _sendable(speed: float) -> float:
+    """The speed; one that is no number, which no message may carry, is refused as the robot would refuse it."""
+    return float(speed) if math.isfinite(speed) else valid_speed(speed)
+
+
 def _report(result: MotionResult, final_state: RobotState) -> ExecutionReport:
     return ExecutionReport(
         completed=result.outcome == "completed",
@@ -319,5 +346,6 @@ def _report(result: MotionResult, final_state: RobotState) -> ExecutionReport:
         q=result.q,
         tau=result.tau,
         gripper_width=result.gripper_width,
+        speed=result.speed,
         final_state=final_state,
     )

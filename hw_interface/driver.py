@@ -1,5 +1,7 @@
 """The driver: the gate that trajectories must pass, and the player that commands exactly their samples.
 
+At a speed below 1 it commands exactly their path, by a slower clock.
+
     idle ──accepted──▶ moving ──last sample──▶ idle
                          │ stop request or trouble
                          ▼
@@ -12,44 +14,21 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from control.certificate import Certificate
 from control.errors import RefusedError, StackError
-from control.on_path_stop import stop_on_path
-from control.trajectory import SAMPLE_TIME, Trajectory
+from control.trajectory import Trajectory
 from hw_interface.backend import Measured, RobotBackend
-from hw_interface.gate import Gate
+from hw_interface.gate import Gate, valid_speed
 from hw_interface.messages import Accepted, Mode, RobotState, Trouble
 from hw_interface.motion_messages import MotionResult
-from hw_interface.supervisor import SupervisionLimits, Supervisor
+from hw_interface.played_motion import PlayedMotion
+from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)
-TRACE_EVERY = 10  # samples between two rows of a motion's record: 100 rows a second
 RESULTS_KEPT = 16
-
-
-@dataclass
-class _Motion:
-    """The motion that is being played."""
-
-    trajectory: Trajectory
-    serial: str
-    supervisor: Supervisor
-    started: float
-    gripper_at: dict[int, int]  # sample -> index of its gripper event
-    sample: int = 0  # next to command
-    played: int = 0  # of the trajectory itself, without the samples of a stop
-    ticks: int = 0
-    stop_q: np.ndarray | None = None
-    stop_qd: np.ndarray | None = None
-    stop_sample: int = 0
-    stop_mode: Mode = "stopped"
-    trouble: Trouble | None = None
-    max_tracking_error: float = 0.0
-    rows: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, float]] = field(default_factory=list)
 
 
 class Driver:
@@ -83,9 +62,10 @@ class Driver:
         self._at_rest = np.zeros_like(self._q_d)
         self._tracking_error = 0.0
         self._mode: Mode = "idle"
-        self._motion: _Motion | None = None
+        self._motion: PlayedMotion | None = None
         self._serial: str | None = None
         self._progress = (0, 0)
+        self._speed_wanted = 1.0
         self._trouble: Trouble | None = None
         self._used: set[str] = set()
         self._results: dict[str, MotionResult] = {}
@@ -100,11 +80,16 @@ class Driver:
         """Whether samples are being played."""
         return self._motion is not None
 
-    def submit(self, trajectory: Trajectory, certificate: Certificate | None) -> Accepted:
+    def submit(self, trajectory: Trajectory, certificate: Certificate | None, speed: float | None = None) -> Accepted:
         """Accept a trajectory; the next tick commands its first sample.
 
+        Args:
+            trajectory: What to play.
+            certificate: The right to play it.
+            speed: As for `set_speed`; None leaves the speed as it is set.
+
         Raises:
-            RefusedError: busy, needs_acknowledge, or what the gate refuses; nothing moves.
+            RefusedError: busy, needs_acknowledge, what the gate refuses, bad_speed or too_slow; nothing moves.
         """
         if self._motion is not None:
             raise RefusedError("busy", f"the robot is {self._mode}; wait until it is idle, or stop it")
@@ -118,25 +103,36 @@ class Driver:
                 "scene_too_old",
                 "the motion was judged on a frame from before this robot process started; look again and plan anew",
             )
-        motion = _Motion(
-            trajectory,
-            accepted.serial,
-            Supervisor(trajectory, self._supervision),
-            self._clock(),
-            {round(e.time / SAMPLE_TIME): i for i, e in enumerate(trajectory.gripper)},
-        )
+        wanted = self._speed_wanted if speed is None else valid_speed(speed)
+        motion = PlayedMotion(trajectory, accepted.serial, wanted, self.gate, self._supervision, self._clock())
         self._used.add(accepted.serial)
-        self._motion, self._serial = motion, accepted.serial
-        self._progress = (0, len(trajectory.q))
+        self._motion, self._serial, self._speed_wanted = motion, accepted.serial, wanted
+        self._progress = (0, motion.samples)
         self._mode = "moving"
         return Accepted(serial=accepted.serial, epoch=self.epoch, samples=len(trajectory.q))
+
+    def set_speed(self, speed: float) -> None:
+        """Play the present motion from now on, and the next ones, at a share of their certified speed.
+
+        Args:
+            speed: Above 0 and at most 1.
+
+        Raises:
+            RefusedError: bad_speed (not in that range), busy (the arm is being stopped), too_slow (the motion would
+                last too long), no_ramp or breaks_limit (nothing within the limits leads there from here); the speed
+                stays as it was.
+        """
+        speed = valid_speed(speed)
+        if self._motion is not None:
+            self._motion.change_speed(speed, self.gate)
+        self._speed_wanted = speed
 
     def stop(self) -> None:
         """Bring the arm to rest on its path, then stay until acknowledged. A robot at rest is latched, too."""
         if self._motion is None:
             if self._mode == "idle":
                 self._mode = "stopped"
-        elif self._motion.stop_q is None:
+        elif not self._motion.stopping:
             self._begin_stop("stopped", None)
 
     def reflex(self, code: str, reason: str) -> None:
@@ -188,9 +184,12 @@ class Driver:
             motion_serial=self._serial,
             progress=self._progress[0],
             samples=self._progress[1],
+            speed=0.0 if self._motion is None else self._motion.speed,
+            speed_wanted=self._speed_wanted,
             tracking_error=self._tracking_error,
             cell=self.cell,
             profile=self.gate.profile,
+            firmware=self.gate.firmware,
             limits_hash=self.gate.limits_hash,
             last_error=self._trouble,
         )
@@ -209,17 +208,9 @@ class Driver:
         return self._results[serial]
 
     def _supervise(self) -> Trouble | None:
-        motion = self._motion
-        if motion is None:
+        if self._motion is None:
             return None
-        motion.max_tracking_error = max(motion.max_tracking_error, self._tracking_error)
-        if motion.ticks % TRACE_EVERY == 0:
-            self._record(motion)
-        motion.ticks += 1
-        # While stopping the arm already does what trouble would make it do.
-        if motion.stop_q is not None:
-            return None
-        return motion.supervisor.check(motion.sample, self._measured, self._tracking_error)
+        return self._motion.supervise(self._q_d, self._measured, self._tracking_error)
 
     def _react(self, trouble: Trouble) -> None:
         """Come to rest on the path and latch; a trouble at rest latches at once."""
@@ -227,7 +218,7 @@ class Driver:
             if self._trouble is None:
                 LOG.error("%s: %s", trouble.code, trouble.reason)
                 self._mode, self._trouble = "reflex", trouble
-        elif self._motion.stop_q is None:
+        elif not self._motion.stopping:
             LOG.error("%s: %s", trouble.code, trouble.reason)
             self._begin_stop("reflex", trouble)
         elif self._motion.trouble is None:
@@ -236,11 +227,10 @@ class Driver:
     def _begin_stop(self, then: Mode, trouble: Trouble | None) -> None:
         motion = self._motion
         assert motion is not None
-        motion.stop_mode, motion.trouble = then, trouble
+        motion.stopping, motion.stop_mode, motion.trouble = True, then, trouble
         self._mode = "stopping"
         try:
-            stop = stop_on_path(motion.trajectory, max(0, motion.sample - 1), self.gate.robot_limits)
-            motion.stop_q, motion.stop_qd = stop.q, stop.qd
+            motion.stop(self.gate.robot_limits)
         except Exception as error:
             LOG.exception("no stop on the path was found")
             self._hold(trouble or _internal(error))
@@ -250,23 +240,15 @@ class Driver:
         motion = self._motion
         if motion is None:
             return self._q_d, self._at_rest
-        if motion.stop_q is not None and motion.stop_qd is not None:
-            k = motion.stop_sample
-            if k < len(motion.stop_q):
-                motion.stop_sample += 1
-                return motion.stop_q[k], motion.stop_qd[k]
-            self._finish(motion, motion.stop_mode)
+        command = motion.next_command()
+        if command is None:
+            self._finish(motion, motion.stop_mode if motion.stopping else "idle")
             return self._q_d, self._at_rest
-        k = motion.sample
-        if k >= len(motion.trajectory.q):
-            self._finish(motion, "idle")
-            return self._q_d, self._at_rest
-        event = motion.gripper_at.get(k)
-        if event is not None:
-            self._backend.gripper(motion.trajectory.gripper[event].command)
-        motion.sample = motion.played = k + 1
-        self._progress = (k + 1, len(motion.trajectory.q))
-        return motion.trajectory.q[k], motion.trajectory.qd[k]
+        q_d, qd_d, gripper = command
+        if gripper is not None:
+            self._backend.gripper(gripper)
+        self._progress = (motion.played, motion.samples)
+        return q_d, qd_d
 
     def _hold(self, trouble: Trouble) -> None:
         """Last resort: hold the last commanded position and latch."""
@@ -281,30 +263,11 @@ class Driver:
         except Exception:
             LOG.exception("the robot does not take commands")
 
-    def _record(self, motion: _Motion) -> None:
-        m = self._measured
-        motion.rows.append((motion.ticks * SAMPLE_TIME, self._q_d, m.q, m.tau, m.gripper_width))
-
-    def _finish(self, motion: _Motion, mode: Mode) -> None:
+    def _finish(self, motion: PlayedMotion, mode: Mode) -> None:
         self._motion = None
         self._mode, self._trouble = mode, motion.trouble
-        self._record(motion)
-        times, q_d, q, tau, width = (np.array(column, float) for column in zip(*motion.rows, strict=True))
-        self._results[motion.serial] = MotionResult(
-            serial=motion.serial,
-            outcome="completed" if mode == "idle" else "stopped" if mode == "stopped" else "reflex",
-            trouble=motion.trouble,
-            samples=len(motion.trajectory.q),
-            played=motion.played,
-            started=motion.started,
-            finished=self._clock(),
-            max_tracking_error=motion.max_tracking_error,
-            times=times,
-            q_d=q_d,
-            q=q,
-            tau=tau,
-            gripper_width=width,
-        )
+        outcome = "completed" if mode == "idle" else "stopped" if mode == "stopped" else "reflex"
+        self._results[motion.serial] = motion.result(outcome, self._q_d, self._measured, self._clock())
         while len(self._results) > RESULTS_KEPT:
             del self._results[next(iter(self._results))]
 

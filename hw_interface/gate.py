@@ -7,9 +7,10 @@ import numpy as np
 
 from control.certificate import Certificate
 from control.certify import verify_certificate
-from control.errors import RefusedError
+from control.errors import RefusedError, TrajectoryError
 from control.gripper import PANDA_HAND, GripperModel
 from control.limits import RobotLimits
+from control.playback import check_rate
 from control.safety import SafetyLimits
 from control.trajectory import Trajectory
 from control.trajectory_checks import check_trajectory
@@ -42,6 +43,16 @@ class Gate:
     tcp: Callable[[np.ndarray], np.ndarray] | None = None
     gripper: GripperModel = PANDA_HAND
 
+    @property
+    def firmware(self) -> str:
+        """Firmware family of the robot, to which its limits belong."""
+        return self.robot_limits.firmware
+
+    @property
+    def playing_limits(self) -> RobotLimits:
+        """The cell's shares of the robot's limits, which every motion keeps unless it is being stopped."""
+        return self.robot_limits.scaled(self.safety.velocity_scale, self.safety.acceleration_scale)
+
     def check(
         self,
         trajectory: Trajectory,
@@ -66,6 +77,7 @@ class Gate:
             certificate,
             trajectory,
             self.profile,
+            self.firmware,
             self.limits_hash,
             now,
             used_serials,
@@ -73,6 +85,19 @@ class Gate:
             self.max_scene_age,
         )
         assert certificate is not None
+        self.check_limits(trajectory)
+        self._check_gripper(trajectory, measured)
+        return certificate
+
+    def check_limits(self, trajectory: Trajectory) -> None:
+        """Hold every sample against the robot's limits and the cell's shares of them.
+
+        Args:
+            trajectory: From rest to rest: a certified one, or what is commanded of it at another speed.
+
+        Raises:
+            RefusedError: breaks_limit.
+        """
         checks = check_trajectory(trajectory, self.robot_limits, self.safety, self.torque, self.tcp)
         broken = [c for c in checks if not c.ok]
         if broken:
@@ -84,8 +109,6 @@ class Gate:
                 "breaks_limit",
                 f"check {c.name}: {c.worst:.6g} {c.unit}{where}{who}, limit {c.limit:.6g} {c.unit}{others}",
             )
-        self._check_gripper(trajectory, measured)
-        return certificate
 
     def _check_gripper(self, trajectory: Trajectory, measured: Measured) -> None:
         for event in trajectory.gripper:
@@ -102,3 +125,16 @@ class Gate:
                 "start_mismatch",
                 f"the motion begins with '{trajectory.segments[0].held}' in the hand, but the gripper holds nothing",
             )
+
+
+def valid_speed(speed: float) -> float:
+    """The speed, if motions may be played at it: above 0 and at most 1, the speed that they were judged at.
+
+    Raises:
+        RefusedError: bad_speed.
+    """
+    try:
+        check_rate(speed)
+    except TrajectoryError as error:
+        raise RefusedError("bad_speed", str(error)) from error
+    return speed

@@ -45,9 +45,11 @@ class RobotState(Message):
         gripper_width: Measured distance between the pads in [m].
         grasped: Whether the gripper holds something.
         motion_serial: Certificate of the current or latest motion, or None.
-        progress, samples: Samples played and samples in the motion.
+        progress, samples: Samples of the certified trajectory that were played, and how many it has; at any speed.
+        speed: Share of the motion's certified speed at which it is played right now; 0 at rest.
+        speed_wanted: Share that this motion changes to, and that the next ones are played at.
         tracking_error: Largest difference per joint between commanded and measured position right now in [rad].
-        cell, profile: Names of the cell and of the robot profile.
+        cell, profile, firmware: Names of the cell, of the robot profile and of its firmware family.
         limits_hash: Hash of the safety and robot limits that certificates must carry.
         last_error: Why the mode is `reflex`, else None.
     """
@@ -65,9 +67,12 @@ class RobotState(Message):
     motion_serial: Name | None
     progress: int
     samples: int
+    speed: float
+    speed_wanted: float
     tracking_error: float
     cell: Name
     profile: Name
+    firmware: Name
     limits_hash: Name
     last_error: Trouble | None
 
@@ -77,7 +82,7 @@ class CellInfo(Message):
 
     Attributes:
         epoch: As in RobotState.
-        cell, profile, limits_hash: As in RobotState.
+        cell, profile, firmware, limits_hash: As in RobotState.
         cameras: Names to ask frames of.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         scored: Whether the key `truth` exists (simulated cells started for a benchmark only).
@@ -87,6 +92,7 @@ class CellInfo(Message):
     epoch: Name
     cell: Name
     profile: Name
+    firmware: Name
     limits_hash: Name
     cameras: tuple[Name, ...]
     max_scene_age: float
@@ -117,7 +123,7 @@ class Accepted(Message):
     Attributes:
         serial: Its certificate's serial; RobotState.motion_serial shows it from now on.
         epoch: As in RobotState.
-        samples: Number of samples that will be played.
+        samples: Number of samples of the trajectory.
     """
 
     type_name: ClassVar[str] = "accepted"
@@ -148,6 +154,20 @@ class StopRequest(Message):
 
     type_name: ClassVar[str] = "stop_request"
     reason: Text = ""
+
+
+class SpeedRequest(Message):
+    """Asks for the motion, and those after it, to be played at a share of their certified speed.
+
+    Answered by the RobotState, whose `speed` gets there within limits; refused with bad_speed, too_slow, busy (the arm
+    is being stopped), no_ramp or breaks_limit, and then nothing changes.
+
+    Attributes:
+        speed: Share of the certified speed, above 0 and at most 1.
+    """
+
+    type_name: ClassVar[str] = "speed_request"
+    speed: float
 
 
 class AcknowledgeRequest(Message):

@@ -46,6 +46,7 @@ class CertificateMessage(Message):
     serial: Name
     trajectory_hash: Name
     profile: Name
+    firmware: Name
     scene_stamp: float
     limits_hash: Name
     issued: float
@@ -59,6 +60,8 @@ class TrajectoryRequest(Message):
         q, qd, qdd: Samples every millisecond in [rad], [rad/s], [rad/s^2], shape (n, 7).
         gripper, segments, joint_names: As in `control.trajectory.Trajectory`.
         certificate: The verdict's certificate; without one the robot refuses.
+        speed: Share of the certified speed to play this motion and the next ones at, above 0 and at most 1; None
+            leaves it as it is set.
     """
 
     type_name: ClassVar[str] = "trajectory_request"
@@ -69,10 +72,13 @@ class TrajectoryRequest(Message):
     segments: Annotated[tuple[SegmentMessage, ...], Field(max_length=1000)]
     joint_names: Annotated[tuple[Name, ...], Field(max_length=32)]
     certificate: CertificateMessage | None
+    speed: float | None
 
     @classmethod
-    def of(cls, trajectory: Trajectory, certificate: Certificate | None) -> "TrajectoryRequest":
-        """The message of a trajectory and its certificate.
+    def of(
+        cls, trajectory: Trajectory, certificate: Certificate | None, speed: float | None = None
+    ) -> "TrajectoryRequest":
+        """The message of a trajectory, its certificate, and the share of its speed to play it at.
 
         Raises:
             MessageError: Longer than any robot accepts.
@@ -103,6 +109,7 @@ class TrajectoryRequest(Message):
             segments=segments,
             joint_names=trajectory.joint_names,
             certificate=None if certificate is None else _certificate_message(certificate),
+            speed=None if speed is None else float(speed),
         )
 
     def trajectory(self) -> Trajectory:
@@ -132,6 +139,7 @@ def _certificate_message(c: Certificate) -> CertificateMessage:
         serial=c.serial,
         trajectory_hash=c.trajectory_hash,
         profile=c.profile,
+        firmware=c.firmware,
         scene_stamp=float(c.scene_stamp),
         limits_hash=c.limits_hash,
         issued=float(c.issued),
@@ -146,13 +154,14 @@ class MotionResult(Message):
         serial: Of its certificate.
         outcome: completed; stopped (on request); reflex (by itself, see trouble).
         trouble: Why it did not complete, or None.
-        samples, played: Samples asked for, and how many of them were played.
+        samples, played: Samples of the certified trajectory, and how many of them were played.
         started, finished: Times in [s].
         max_tracking_error: Largest difference per joint between commanded and measured position in [rad].
         times: Robot time since the start of each row below in [s], shape (n,); about 100 rows a second.
         q_d, q: Commanded and measured joint positions in [rad], shape (n, 7).
         tau: Measured joint torques in [Nm], shape (n, 7).
         gripper_width: Measured distance between the pads in [m], shape (n,).
+        speed: Share of the certified speed that was commanded, shape (n,).
     """
 
     type_name: ClassVar[str] = "motion_result"
@@ -169,3 +178,4 @@ class MotionResult(Message):
     q: JointRows  # type: ignore[valid-type]
     tau: JointRows  # type: ignore[valid-type]
     gripper_width: array_field("<f8", (None,))  # type: ignore[valid-type]
+    speed: array_field("<f8", (None,))  # type: ignore[valid-type]

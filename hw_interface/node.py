@@ -20,6 +20,7 @@ from hw_interface.messages import (
     FrameRequest,
     InfoRequest,
     ResultRequest,
+    SpeedRequest,
     StateRequest,
     StopRequest,
     Truth,
@@ -32,6 +33,7 @@ from hw_interface.transport import (
     FRAME_KEY,
     INFO_KEY,
     RESULT_KEY,
+    SPEED_KEY,
     STATE_KEY,
     STOP_KEY,
     TRAJECTORY_KEY,
@@ -88,6 +90,7 @@ class RobotNode:
                 f"{FRAME_KEY}/*": self._answer_frame,
                 TRAJECTORY_KEY: self._answer_trajectory,
                 STOP_KEY: self._answer_stop,
+                SPEED_KEY: self._answer_speed,
                 ACKNOWLEDGE_KEY: self._answer_acknowledge,
                 RESULT_KEY: self._answer_result,
                 **({TRUTH_KEY: self._answer_truth} if truth is not None else {}),
@@ -136,6 +139,7 @@ class RobotNode:
             epoch=self._driver.epoch,
             cell=self._driver.cell,
             profile=self._driver.gate.profile,
+            firmware=self._driver.gate.firmware,
             limits_hash=self._driver.gate.limits_hash,
             cameras=self._cameras,
             max_scene_age=self._driver.gate.max_scene_age,
@@ -156,11 +160,15 @@ class RobotNode:
 
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
-        answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none()))
+        answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         read_request(query, StopRequest)
         self._driver.stop()
+        answer(query, self._driver.state())
+
+    def _answer_speed(self, query: zenoh.Query) -> None:
+        self._driver.set_speed(read_request(query, SpeedRequest).speed)
         answer(query, self._driver.state())
 
     def _answer_acknowledge(self, query: zenoh.Query) -> None:

@@ -28,6 +28,7 @@ STATE_KEY = "cell/state"  # published, and answered to a query with a fresh meas
 FRAME_KEY = "cell/frame"  # followed by /<camera>
 TRAJECTORY_KEY = "cell/trajectory"
 STOP_KEY = "cell/stop"
+SPEED_KEY = "cell/speed"
 ACKNOWLEDGE_KEY = "cell/acknowledge"
 RESULT_KEY = "cell/result"
 TRUTH_KEY = "cell/truth"  # exists only in simulated cells started for scoring

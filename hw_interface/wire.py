@@ -1,6 +1,6 @@
 """Bytes of a message: a msgpack envelope around a strictly checked pydantic model. No scheme that can run code.
 
-    {"protocol": 1, "type": "stop_request", "body": {...}}
+    {"protocol": 2, "type": "stop_request", "body": {...}}
 
 Arrays travel as {"dtype": "<f8", "shape": [n, 7], "data": bytes}, row by row, and are checked against each other
 before numpy sees them.
@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, Va
 
 from hw_interface.errors import MessageError
 
-PROTOCOL_VERSION = 1  # raised whenever a message changes in a way that an older peer would misread
+PROTOCOL_VERSION = 2  # raised whenever a message changes in a way that an older peer would misread
 MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a millisecond), or a 1280x960 frame
 _ARRAY_KEYS = {"dtype", "shape", "data"}
 

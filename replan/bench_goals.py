@@ -159,19 +159,18 @@ def bench_goals(
 
 def _limit_checks(folder: Path, cell: str) -> list[int]:
     """Limits broken by each trajectory that a run sent, by the checker that shares no code with the retimer."""
-    from control.limits import panda_limits
+    from control.motion_file import read_motion
+    from control.resampling import to_trajectory
     from control.robot import RobotModel
-    from control.trajectory import Trajectory
     from control.trajectory_checks import check_trajectory
     from sim_check.cells import load_cell
 
     planned = load_cell(cell)
     gripper, safety = planned.robot.gripper_model, planned.safety_limits()
-    robot, limits = RobotModel.panda(gripper=gripper), panda_limits(gripper)
+    robot, limits = RobotModel.panda(gripper=gripper), planned.robot.limits()
     broken = []
     for file in sorted(folder.glob("trajectory_*.npz")):
-        with np.load(file) as arrays:
-            trajectory = Trajectory(arrays["q"], arrays["qd"], arrays["qdd"])
+        trajectory = to_trajectory(read_motion(file))
         checks = check_trajectory(trajectory, limits, safety, robot.torque, robot.tcp_poses)
         broken.append(sum(not c.ok for c in checks))
     return broken

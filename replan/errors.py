@@ -6,7 +6,7 @@ perception.errors.PerceptionError  perception's tree (drawn in perception/errors
 Exit codes: 0 done, 1 error with a one-line reason, 2 usage, 3 goal not reached, 4 unsafe or refused, 130 interrupted.
 """
 
-from control.errors import ConfigError, GoalError, MachineError, RefusedError, StackError
+from control.errors import ConfigError, GoalError, MachineError, MotionFileError, RefusedError, StackError
 from perception.errors import PerceptionError
 
 DONE, ERROR, USAGE, NOT_REACHED, UNSAFE, INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -20,6 +20,6 @@ def exit_code(error: BaseException) -> int:
         return UNSAFE
     if isinstance(error, MachineError):
         return ERROR
-    if isinstance(error, (ConfigError, GoalError)):
+    if isinstance(error, (ConfigError, GoalError, MotionFileError)):
         return USAGE
     return ERROR

@@ -8,6 +8,7 @@ import numpy as np
 from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from perception.recordings import save_npz
+from perception.scene_file import LookRecord, PerceptionResult
 from replan.episode import Episode
 from replan.film import Film
 
@@ -56,6 +57,9 @@ class CameraEyes:
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._episode.numbered("look", "npz"), frames)
         scene = self._perception.perceive(frames, names)
+        cameras = "+".join(f.camera for f in frames)
+        result = PerceptionResult(source=scene.source, frames=(LookRecord.of(scene, cameras),))
+        result.write(self._episode.numbered("objects", "json"))
         for k, frame in enumerate(frames):
             picture = overlay(frame, scene)
             path = self._episode.numbered(f"look_{frame.camera}", "png")

@@ -17,6 +17,7 @@ from control.retime import retime
 from control.rewards import RewardSpec
 from control.robot import RobotModel
 from control.trajectory import SAMPLE_TIME, Trajectory
+from control.trajectory_file import write_trajectory
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
 from planning.interfaces import AttemptResult
@@ -110,7 +111,15 @@ class TwinCheckedHands:
             # What was seen cannot stand like that: a reason to look again, not to end the run.
             return self._failed(FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}"))
         variants = possible_twins(twin, self._rng, worlds_to_try(twin))
-        plan = plan_motion(twin, spec, self._safety, self._rng, kinematics=self._kinematics, variants=variants)
+        plan = plan_motion(
+            twin,
+            spec,
+            self._safety,
+            self._rng,
+            kinematics=self._kinematics,
+            variants=variants,
+            limits=self._limits,
+        )
         if isinstance(plan, FailureCause):
             cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
             self.steps += int(cause.evidence.get("steps", 0))
@@ -181,20 +190,21 @@ class TwinCheckedHands:
         return cause
 
     def _play(self, trajectory: Trajectory, verdict: Verdict, twin: TwinModel, spec: RewardSpec) -> AttemptResult:
+        state = self._client.state()
         certificate = issue_certificate(
             trajectory,
             verdict,
             profile=self._limits.profile,
+            firmware=self._limits.firmware,
             limits_hash=limits_hash(self._limits, self._safety, self._gripper),
             scene_stamp=twin.scene_stamp,
-            now=self._client.state().stamp,
+            now=state.stamp,
         )
         self._episode.log("certificate", certificate=certificate)
         self._episode.log("trajectory", samples=len(trajectory.q), segments=trajectory.segments)
-        np.savez_compressed(
-            self._episode.numbered("trajectory", "npz"), q=trajectory.q, qd=trajectory.qd, qdd=trajectory.qdd
-        )
-        self._say(f"robot: moving for {trajectory.duration:.1f} s")
+        write_trajectory(self._episode.numbered("trajectory", "npz"), trajectory)
+        speed = f" at speed {state.speed_wanted:g}" if state.speed_wanted < 1.0 else ""
+        self._say(f"robot: moving for {trajectory.duration / state.speed_wanted:.1f} s{speed}")
         self.trajectories_sent += 1
         try:
             report = self._client.execute(trajectory, certificate, on_progress=self._on_progress)
@@ -224,6 +234,7 @@ class TwinCheckedHands:
             q=report.q,
             tau=report.tau,
             gripper_width=report.gripper_width,
+            speed=report.speed,
         )
         self._episode.log(
             "executed",
@@ -237,7 +248,7 @@ class TwinCheckedHands:
         )
 
     def _on_progress(self, progress: "Progress") -> None:
-        """Film at FILM_RATE of robot time, whatever the pace of a simulated cell."""
+        """Film at FILM_RATE of the motion's own time, whatever its speed and the pace of a simulated cell."""
         if not self._filming:
             return
         seconds = progress.played * SAMPLE_TIME

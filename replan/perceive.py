@@ -1,6 +1,5 @@
 """Perception alone, on recorded frames: objects.json, an overlay picture and a coloured point cloud a frame."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from perception.pictures import overlay
 from perception.pipeline import perception_from_options
 from perception.ply import write_ply
 from perception.recordings import open_recording
-from replan.episode import plain
+from perception.scene_file import LookRecord, PerceptionResult
 from replan.errors import DONE, NOT_REACHED
 
 
@@ -27,28 +26,13 @@ class FrameReport:
     cloud: Path
 
     def as_json(self) -> dict[str, Any]:
-        """As one JSON object; poses as world_T_object, lengths in [m]."""
-        return {
-            "camera": self.camera,
-            "stamp": self.stamp,
-            "picture": str(self.picture),
-            "cloud": str(self.cloud),
-            "objects": [
-                {
-                    "name": o.name,
-                    "shape": o.shape,
-                    "world_T_object": plain(o.world_T_object),
-                    "extents": plain(o.extents),
-                    "position_std": plain(o.position_std),
-                    "yaw_std": plain(o.yaw_std),
-                    "score": round(o.score, 3),
-                    "box_px": plain(o.evidence[0].box_px) if o.evidence else None,
-                    "depth_share": round(o.evidence[0].depth_share, 3) if o.evidence else None,
-                }
-                for o in self.scene.objects
-            ],
-            "unseen": plain(self.scene.unseen),
-        }
+        """As one JSON object, in the form of `perception.scene_file`."""
+        return self.record.model_dump(mode="json")
+
+    @property
+    def record(self) -> LookRecord:
+        """As it stands in objects.json."""
+        return LookRecord.of(self.scene, self.camera, self.picture, self.cloud)
 
 
 @dataclass(frozen=True)
@@ -131,5 +115,6 @@ def perceive_recording(
         reports.append(FrameReport(frame.camera, frame.stamp, scene, picture, cloud))
         say(f"frame {k + 1}: {', '.join(scene.names) or 'nothing'} found")
     report = PerceiveReport(perception.name, tuple(reports), out)
-    (out / "objects.json").write_text(json.dumps(report.as_json(), indent=1))
+    records = tuple(f.record for f in report.frames)
+    PerceptionResult(source=report.source, out=str(out), frames=records).write(out / "objects.json")
     return report

@@ -17,7 +17,6 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
 
     require_mujoco()
     from control.certify import limits_hash
-    from control.limits import panda_limits
     from control.robot import RobotModel
     from hw_interface.sim_cell import run_sim_cell
     from sim_check.cells import load_cell
@@ -26,7 +25,7 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     cell = load_cell(options.cell, dict.fromkeys(options.option, True))
     world = build_world(cell, options.seed)
     gripper, safety = cell.robot.gripper_model, cell.safety_limits()
-    limits, robot = panda_limits(gripper), RobotModel.panda(gripper=gripper)
+    limits, robot = cell.robot.limits(), RobotModel.panda(gripper=gripper)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
         world,

@@ -29,6 +29,7 @@ class RunOptions:
     robot: str | None = None
     seed: int = 0
     speed: float = 1.0
+    motion_speed: float | None = None
     detector: str = "colour"
     segmenter: str = "grabcut"
     offline: bool = False
@@ -100,6 +101,11 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
     """
     if not options.goal.strip():
         raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
+    if options.motion_speed is not None and not 0.0 < options.motion_speed <= 1.0:
+        raise ConfigError(
+            f"--motion-speed {options.motion_speed:g} is not valid; it must be above 0 and at most 1 (the speed that "
+            "motions are judged at)"
+        )
     from replan.rendering import require_mujoco
     from sim_check.cells import load_cell
 
@@ -116,7 +122,6 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     # Imported now, while a simulated cell starts: the first retiming would wait a second for it.
     import toppra  # noqa: F401  # pyright: ignore[reportUnusedImport]
 
-    from control.limits import panda_limits
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.builtin import BuiltinReasoner
@@ -134,11 +139,13 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options.video, say)
-        limits = panda_limits(cell.robot.gripper_model)
+        limits = cell.robot.limits()
         episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
         try:
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
-            _check_ready(client, options, cell.name, limits.profile)
+            _check_ready(client, options, cell.name, limits.profile, limits.firmware)
+            if options.motion_speed is not None:
+                client.set_speed(options.motion_speed)
             if on_client:
                 on_client("before", client)
             hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say)
@@ -177,8 +184,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     return report
 
 
-def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, profile: str) -> None:
-    """Refuse to plan for a robot that stands elsewhere, carries another gripper or was not released by a person."""
+def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, profile: str, firmware: str) -> None:
+    """Refuse to plan for a robot that stands elsewhere, is another one or was not released by a person."""
     state = client.state()
     if state.cell != cell_name:
         raise ConfigError(
@@ -189,6 +196,11 @@ def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, prof
         raise ConfigError(
             f"the robot's profile is '{state.profile}', but the cell file makes it '{profile}'; use the same cell file "
             "(robot and gripper) on both sides"
+        )
+    if state.firmware != firmware:
+        raise ConfigError(
+            f"the robot runs firmware '{state.firmware}', but the cell file's profile is for '{firmware}'; use the "
+            "profile of this robot's firmware"
         )
     if state.mode in ("stopped", "reflex"):
         if not options.acknowledge:

@@ -11,9 +11,12 @@ from pydantic import Field, field_validator, model_validator
 
 from control.errors import ConfigError
 from control.gripper import GripperModel, gripper_model
+from control.limits import RobotLimits
+from control.robot_profiles import load_profile
 from control.safety import SafetyLimits
 from perception.frames import CameraIntrinsics
 from sim_check.furniture_config import FurnitureConfig
+from sim_check.poses_config import PoseConfig
 from sim_check.simulation_config import DepthNoiseConfig, PlacementConfig, SimulationConfig, check_simulation
 from sim_check.strict_config import Name, Positive, Strict, Vector3
 
@@ -32,13 +35,14 @@ class RobotConfig(Strict):
     """Which robot, and where it stands.
 
     Attributes:
-        profile: Name and interface version of its limits (`control.limits`).
+        profile: Its limits: a known profile (`control.robot_profiles`), or a file that looks like one (ending in .yaml
+            or .yml; in a cell file, a relative path is relative to the folder of that file).
         gripper: Which gripper it carries (`control.gripper`).
         position: Base in the world in [m].
         yaw_deg: Rotation of the base about the world's z in [degrees].
     """
 
-    profile: Literal["panda/5"] = "panda/5"
+    profile: str = "panda/5"
     gripper: Literal["panda_hand", "robotiq_2f85"] = "panda_hand"
     position: Vector3 = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
@@ -47,6 +51,14 @@ class RobotConfig(Strict):
     def gripper_model(self) -> GripperModel:
         """What the gripper is."""
         return gripper_model(self.gripper)
+
+    def limits(self) -> RobotLimits:
+        """Published limits of the robot with its gripper.
+
+        Raises:
+            ConfigError: There is no such profile, or its file is not valid.
+        """
+        return load_profile(self.profile, self.gripper_model)
 
     @property
     def world_T_base(self) -> np.ndarray:
@@ -173,6 +185,7 @@ class CellConfig(Strict):
         workspace: Box that the hand must stay in.
         objects: Names that can be asked for; lower case with underscores, a noun with words before it (`red_cube`).
         furniture: What stands fixed, by name: kind and sizes. Where it stands and how far it is open is perceived.
+        poses: Where things stand as a person measured them, for validating motions without a camera.
         safety: Changes of the safety table, by the names of `control.safety.SafetyLimits`.
         options: Switches of this cell and whether they are on.
         simulation: What the simulated cell holds; null when the cell is real only.
@@ -185,6 +198,7 @@ class CellConfig(Strict):
     workspace: BoxConfig = BoxConfig()
     objects: Annotated[tuple[Name, ...], Field(min_length=1)]
     furniture: dict[Name, FurnitureConfig] = Field(default_factory=dict)
+    poses: dict[Name, PoseConfig] = Field(default_factory=dict)
     safety: dict[str, Any] = Field(default_factory=dict)
     options: dict[Name, bool] = Field(default_factory=dict)
     simulation: SimulationConfig | None = None
@@ -215,6 +229,10 @@ class CellConfig(Strict):
         for name in self.furniture:
             if name in self.objects:
                 raise ValueError(f"'{name}' is both an object and furniture; furniture is not named in objects")
+        for name in self.poses:
+            if name not in self.objects and name not in self.furniture:
+                known = sorted({*self.objects, *self.furniture})
+                raise ValueError(f"poses.{name}: this cell has no such object or furniture; it has {known}")
         if self.simulation is not None:
             check_simulation(self.simulation, self.objects, self.furniture, self.options)
         return self

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from control.errors import ConfigError
+from control.robot_profiles import is_file_name
+from control.strict_yaml import read_mapping
 from sim_check.cell_config import CameraConfig, CellConfig, DepthNoiseConfig, PlacementConfig, SimulationConfig
 from sim_check.furniture_config import furniture_kinds
 
@@ -22,24 +23,12 @@ __all__ = [
     "PlacementConfig",
     "SimulationConfig",
     "builtin_cells",
+    "explain_fault",
     "load_cell",
 ]
 
 BUILTIN_FOLDER = Path(__file__).with_name("cells")
 DEFAULT_CELL = "cubes"
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """YAML's safe subset, in which a key given twice is a mistake instead of the last one winning."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        seen = set()
-        for key, _ in node.value:
-            name = self.construct_object(key, deep=True)
-            if isinstance(name, str) and name in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"key '{name}' is given twice", key.start_mark)
-            seen.add(str(name))
-        return super().construct_mapping(node, deep)
 
 
 def builtin_cells() -> tuple[str, ...]:
@@ -56,14 +45,15 @@ def load_cell(name_or_path: str | Path = DEFAULT_CELL, options: Mapping[str, boo
         options: Switches to set; each must be one of the cell's options.
 
     Raises:
-        ConfigError: No such cell or file, not YAML, or a key, value or option that is not valid.
+        ConfigError: No such cell, file or robot profile, not YAML, or a key, value or option that is not valid.
     """
     path = _cell_path(name_or_path)
-    content = _read_yaml(path)
+    content = read_mapping(path, "a cell file", CellConfig.model_fields)
     try:
         cell = CellConfig.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(_explain(path, error)) from None
+        raise ConfigError(explain_fault(path, error, CellConfig)) from None
+    cell = _with_profile(cell, path)
     if not options:
         return cell
     for name, value in options.items():
@@ -72,6 +62,18 @@ def load_cell(name_or_path: str | Path = DEFAULT_CELL, options: Mapping[str, boo
         if not isinstance(value, bool):
             raise ConfigError(f"option '{name}' of cell '{cell.name}' is a switch: true or false, not {value!r}")
     return cell.model_copy(update={"options": {**cell.options, **options}})
+
+
+def _with_profile(cell: CellConfig, path: Path) -> CellConfig:
+    """The cell with its robot profile found: a file is looked for from the folder of the cell file."""
+    if is_file_name(cell.robot.profile):
+        found = path.parent / Path(cell.robot.profile).expanduser()
+        cell = cell.model_copy(update={"robot": cell.robot.model_copy(update={"profile": str(found)})})
+    try:
+        cell.robot.limits()
+    except ConfigError as error:
+        raise ConfigError(f"{path}: robot.profile: {error}") from None
+    return cell
 
 
 def _cell_path(name_or_path: str | Path) -> Path:
@@ -89,30 +91,20 @@ def _cell_path(name_or_path: str | Path) -> Path:
     return BUILTIN_FOLDER / f"{text}.yaml"
 
 
-def _read_yaml(path: Path) -> Any:
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigError(f"{path}{line}: not valid YAML ({error.problem or error.context})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not valid YAML ({error})") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: a cell file is a mapping with the keys {', '.join(CellConfig.model_fields)}")
-    return content
+def explain_fault(path: Path, error: ValidationError, model: type[BaseModel]) -> str:
+    """One line per fault of a strict file: file, key path, what was wrong, what would be valid.
 
-
-def _explain(path: Path, error: ValidationError) -> str:
-    """One line per fault: file, key path, what was wrong, what would be valid."""
+    Args:
+        path: The file.
+        error: What pydantic said of its content.
+        model: What the content was held against.
+    """
     lines = []
     for fault in error.errors():
-        where, _ = _follow(fault["loc"])
+        where, _ = _follow(fault["loc"], model)
         if fault["type"] == "extra_forbidden":
-            _, model = _follow(fault["loc"][:-1])
-            lines.append(f"{path}: unknown key '{where}'; valid keys there are {', '.join(_keys(model))}")
+            _, owner = _follow(fault["loc"][:-1], model)
+            lines.append(f"{path}: unknown key '{where}'; valid keys there are {', '.join(_keys(owner))}")
         elif fault["type"] == "missing":
             lines.append(f"{path}: key '{where}' is missing")
         elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
@@ -125,9 +117,9 @@ def _explain(path: Path, error: ValidationError) -> str:
     return "\n".join(lines)
 
 
-def _follow(loc: tuple[str | int, ...]) -> tuple[str, Any]:
+def _follow(loc: tuple[str | int, ...], model: type[BaseModel]) -> tuple[str, Any]:
     """Key path of a fault's place as a person would write it, and the type of what lies there."""
-    text, here = "", CellConfig
+    text, here = "", model
     for part in loc:
         here = _without_none(here)
         kinds = [m for m in get_args(here) if _is_model(m) and part in get_args(_field(m, "kind"))]

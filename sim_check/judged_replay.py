@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.certificate import CheckResult
-from control.collision_filter import Phase
 from control.limits import REST_Q
 from control.recording import Purpose, record_motion
 from control.residuals import TwinMotion, safety_residuals
@@ -78,8 +77,7 @@ def judge_replay(question: Question, twin: TwinModel, nominal: bool) -> Replayed
     purpose = Purpose.in_twin(twin, question.spec, question.handled)
     motion = record_motion(rollout, twin, purpose, NOMINAL_STRIDE if nominal else PERTURBED_STRIDE)
     if nominal:
-        transit = transit_phase(question.trajectory) if question.spec is None else Phase.CARRY
-        near = measure_clearances(rollout, motion.time, twin, purpose, safety, transit)
+        near = measure_clearances(rollout, motion.time, twin, purpose, safety, transit_phase(question.trajectory))
         motion = replace(motion, clearances=near)
     checks = tuple(r.check(motion) for r in safety_residuals(safety))
     if question.spec is not None:

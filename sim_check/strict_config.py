@@ -13,6 +13,6 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class Strict(BaseModel):
-    """A part of a cell file: unknown keys are mistakes, values do not change."""
+    """A part of a cell file: unknown keys and numbers that are not finite are mistakes, values do not change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -15,9 +15,11 @@ import numpy as np
 from control.errors import ConfigError, StackError
 from control.twin_model import (
     ARM_ACTUATORS,
+    ARM_BODIES,
     ARM_JOINTS,
     FINGER_BODIES,
     FINGER_JOINTS,
+    HAND_BODY,
     TCP_SITE,
     TwinModel,
     TwinObject,
@@ -27,6 +29,7 @@ from sim_check.cell_config import CellConfig
 from sim_check.furniture import furniture_model
 from sim_check.furniture_mjcf import add_furniture, set_fractions
 from sim_check.furniture_model import FurnitureModel
+from sim_check.ghosts import ghosted
 from sim_check.object_library import ObjectModel, object_model
 from sim_check.panda_mjcf import panda_spec
 from sim_check.placed import Fixed, Standing
@@ -56,7 +59,12 @@ FRICTION_SPREAD, MASS_SPREAD, GAIN_SPREAD = 0.3, 0.3, 0.07
 
 
 def build_twin(
-    cell: CellConfig, scene: SceneEstimate, q: np.ndarray, gripper_width: float, held: str | None = None
+    cell: CellConfig,
+    scene: SceneEstimate,
+    q: np.ndarray,
+    gripper_width: float,
+    held: str | None = None,
+    around_arm: bool = True,
 ) -> TwinModel:
     """Build and settle the twin of a perceived scene.
 
@@ -66,6 +74,8 @@ def build_twin(
         q: Arm joints that the robot holds in [rad], shape (7,).
         gripper_width: Distance between the pads in [m].
         held: Name of the object in the hand, perceived between the pads; or None.
+        around_arm: Whether what overlaps the arm is moved out of it, as the arm is where it is for certain; otherwise
+            things stay where they are perceived, and the arm may be inside of them (not with something in the hand).
 
     Returns:
         The twin at rest, at a step of `TWIN_STEP`.
@@ -128,7 +138,8 @@ def build_twin(
         set_fractions(model, qpos, f.thing, f.fractions)
     if held is not None:
         qpos = _into_the_hand(twin, qpos)
-    return replace(twin, qpos=_rest(twin, qpos))
+    settling = twin if around_arm or held is not None else ghosted(twin, (*ARM_BODIES, HAND_BODY, *FINGER_BODIES))
+    return replace(twin, qpos=_rest(settling, qpos))
 
 
 def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0) -> TwinModel:

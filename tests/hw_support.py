@@ -20,6 +20,7 @@ from hw_interface.process import SimProcess, start_sim_process
 from perception.frames import CameraIntrinsics, RgbdFrame
 
 PROFILE = "panda/5"
+FIRMWARE = panda_limits().firmware
 LIMITS_HASH = "limits-of-the-test"
 
 
@@ -83,7 +84,16 @@ def joined(
 def certificate(trajectory: Trajectory, **changes: object) -> Certificate:
     """A certificate for this trajectory, issued now for a minute."""
     now = time.time()
-    valid = Certificate(uuid.uuid4().hex, trajectory.content_hash(), PROFILE, now, LIMITS_HASH, now, now + 60.0)
+    valid = Certificate(
+        serial=uuid.uuid4().hex,
+        trajectory_hash=trajectory.content_hash(),
+        profile=PROFILE,
+        firmware=FIRMWARE,
+        scene_stamp=now,
+        limits_hash=LIMITS_HASH,
+        issued=now,
+        expires=now + 60.0,
+    )
     return replace(valid, **changes)  # type: ignore[arg-type]
 
 

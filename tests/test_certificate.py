@@ -8,12 +8,13 @@ import pytest
 from control.certificate import Certificate, CheckResult, Verdict
 from control.certify import START_TOLERANCE, issue_certificate, limits_hash, verify_certificate
 from control.errors import RefusedError, StackError
-from control.limits import panda_limits
+from control.limits import VelocityEnds, panda_limits
 from control.safety import SafetyLimits
 from control.trajectory import GripperCommand, GripperEvent, Trajectory
 from tests.arm_paths import REST
 
 PROFILE = "panda/5"
+FIRMWARE = panda_limits().firmware
 HASH = limits_hash(panda_limits(), SafetyLimits())
 NOW = 1_700_000_000.0
 PASSED = CheckResult("hand_speed", 0.42, 0.5, "m/s", ok=True, at=1.0)
@@ -31,14 +32,21 @@ def some_trajectory() -> Trajectory:
     )
 
 
-def issued(trajectory: Trajectory, **changes) -> Certificate:
-    arguments = {"profile": PROFILE, "limits_hash": HASH, "scene_stamp": NOW - 3.0, "now": NOW} | changes
-    return issue_certificate(trajectory, GOOD, **arguments)
+def issued(trajectory: Trajectory, verdict: Verdict = GOOD, **changes) -> Certificate:
+    arguments = {
+        "profile": PROFILE,
+        "firmware": FIRMWARE,
+        "limits_hash": HASH,
+        "scene_stamp": NOW - 3.0,
+        "now": NOW,
+    } | changes
+    return issue_certificate(trajectory, verdict, **arguments)
 
 
 def verify(certificate: Certificate | None, trajectory: Trajectory, **changes) -> None:
     arguments = {
         "profile": PROFILE,
+        "firmware": FIRMWARE,
         "limits_hash": HASH,
         "now": NOW + 1.0,
         "used_serials": set(),
@@ -123,6 +131,14 @@ def test_another_robots_certificate_is_refused():
     assert_refused("wrong_profile", text, issued(trajectory, profile="fr3/10"), trajectory)
 
 
+def test_a_certificate_for_another_firmware_is_refused():
+    trajectory = some_trajectory()
+    text = (
+        "for firmware 'panda system 3.x', this robot runs 'panda system 4.*have the trajectory judged with the limits"
+    )
+    assert_refused("wrong_firmware", text, issued(trajectory, firmware="panda system 3.x"), trajectory)
+
+
 def test_a_trajectory_judged_by_other_limits_is_refused():
     trajectory = some_trajectory()
     other = limits_hash(panda_limits(), SafetyLimits(hand_speed=1.0))
@@ -181,25 +197,28 @@ def test_a_time_that_is_not_a_number_is_never_in_time(field, code):
 def test_nothing_is_certified_that_did_not_pass():
     failed = Verdict((PASSED, FAILED), 0, 10, (0.0, 0.28), passed=False, steps=10)
     with pytest.raises(StackError, match=r"did not pass: contact_force 31 N \(limit 15\); plan another motion"):
-        issue_certificate(some_trajectory(), failed, profile=PROFILE, limits_hash=HASH, scene_stamp=NOW - 1.0, now=NOW)
+        issued(some_trajectory(), verdict=failed)
 
 
 def test_a_low_success_rate_is_named_as_the_reason():
     rare = replace(GOOD, successes=3, passed=False)
     with pytest.raises(StackError, match="succeeded in 3 of 10 perturbed twins only"):
-        issue_certificate(some_trajectory(), rare, profile=PROFILE, limits_hash=HASH, scene_stamp=NOW, now=NOW)
+        issued(some_trajectory(), verdict=rare)
 
 
 def test_a_verdict_that_says_passed_with_a_failed_check_is_not_believed():
     muddled = replace(GOOD, checks=(FAILED,))
     with pytest.raises(StackError, match="contact_force"):
-        issue_certificate(some_trajectory(), muddled, profile=PROFILE, limits_hash=HASH, scene_stamp=NOW, now=NOW)
+        issued(some_trajectory(), verdict=muddled)
 
 
 @pytest.mark.parametrize("changes", [{"now": float("nan")}, {"scene_stamp": NOW + 60.0}, {"lifetime": -1.0}])
 def test_times_that_make_no_sense_are_not_certified(changes):
     with pytest.raises(StackError, match="certificate"):
         issued(some_trajectory(), **changes)
+
+
+ENDS = VelocityEnds(np.full(7, -3.0), np.full(7, 3.0), np.full(7, 0.3), np.full(7, 5.0))
 
 
 def test_equal_limits_have_equal_hashes_and_every_number_counts():
@@ -211,7 +230,10 @@ def test_equal_limits_have_equal_hashes_and_every_number_counts():
         (limits, replace(safety, workspace_high=(0.9, 0.8, 1.2))),
         (replace(limits, profile="panda/4"), safety),
         (replace(limits, qd=limits.qd * [1, 1, 1, 1, 1, 1, 1.0000001]), safety),
-        (limits.scaled(0.8, 0.5), safety),
+        (replace(limits, angular_jerk=1e4), safety),
+        (replace(limits, firmware="another"), safety),
+        (replace(limits, velocity_ends=ENDS), safety),
+        (replace(limits, velocity_ends=replace(ENDS, offset=0.9 * ENDS.offset)), safety),
     ]
     assert len({HASH, *(limits_hash(*pair) for pair in others)}) == len(others) + 1
 

@@ -36,6 +36,13 @@ def test_an_empty_goal_is_a_usage_error(tmp_path):
     assert "the goal is empty; say what to reach" in one_line_reason(process)
 
 
+def test_a_motion_speed_that_was_not_judged_is_a_usage_error(tmp_path):
+    for speed in ("0", "1.2", "nan"):
+        process = replan("run", "place the red cube on the crate", "--motion-speed", speed, cwd=tmp_path)
+        assert process.returncode == 2
+        assert f"--motion-speed {speed} is not valid; it must be above 0 and at most 1" in one_line_reason(process)
+
+
 def test_an_unknown_cell_lists_the_built_in_ones(tmp_path):
     process = replan("run", "place the red cube on the crate", "--cell", "kitchen", cwd=tmp_path)
     assert process.returncode == 2

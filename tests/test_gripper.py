@@ -168,7 +168,7 @@ def of_gripper(gripper):
     digest, motion = limits_hash(limits, SAFETY, gripper), swing()
     passed = Verdict((), 0, 0, (0.0, 1.0), True, 0)
     certificate = issue_certificate(
-        motion, passed, profile=limits.profile, limits_hash=digest, scene_stamp=0.0, now=0.0
+        motion, passed, profile=limits.profile, firmware=limits.firmware, limits_hash=digest, scene_stamp=0.0, now=0.0
     )
     return Gate(limits.profile, digest, limits, SAFETY, gripper=gripper), motion, certificate
 
@@ -205,7 +205,13 @@ def test_the_gate_knows_what_its_gripper_can_do(gripper, command, able):
     limits = panda_limits(gripper)
     passed = Verdict((), 0, 0, (0.0, 1.0), True, 0)
     certificate = issue_certificate(
-        motion, passed, profile=limits.profile, limits_hash=gate.limits_hash, scene_stamp=0.0, now=0.0
+        motion,
+        passed,
+        profile=limits.profile,
+        firmware=limits.firmware,
+        limits_hash=gate.limits_hash,
+        scene_stamp=0.0,
+        now=0.0,
     )
     measured = perfect_driver()[1].read()
     if able:
@@ -231,9 +237,12 @@ def test_the_simulated_2f85_opens_fully_within_the_time_that_a_trajectory_gives_
 
 
 def test_a_run_against_a_robot_with_the_other_gripper_is_refused_before_it_looks():
-    state = SimpleNamespace(cell="mine", profile=panda_limits().profile, mode="idle")
+    limits = panda_limits()
+    state = SimpleNamespace(cell="mine", profile=limits.profile, firmware=limits.firmware, mode="idle")
     client, options = SimpleNamespace(state=lambda: state), RunOptions("pick up the red cube")
     ready = partial(_check_ready, client, options, "mine")  # type: ignore[arg-type]
-    ready(panda_limits().profile)
+    ready(limits.profile, limits.firmware)
     with pytest.raises(ConfigError, match=r"profile is 'panda/5', but the cell file makes it 'panda/5\+robotiq_2f85'"):
-        ready(panda_limits(ROBOTIQ_2F85).profile)
+        ready(panda_limits(ROBOTIQ_2F85).profile, limits.firmware)
+    with pytest.raises(ConfigError, match=r"runs firmware 'panda .*profile is for 'panda system 3\.x'"):
+        ready(limits.profile, "panda system 3.x")

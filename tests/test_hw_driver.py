@@ -25,10 +25,10 @@ def ticks(driver: Driver, n: int) -> None:
         driver.tick()
 
 
-def play(driver: Driver, trajectory: Trajectory) -> str:
+def play(driver: Driver, trajectory: Trajectory, speed: float | None = None) -> str:
     """Accept, play to rest, and give the serial."""
-    serial = driver.submit(trajectory, certificate(trajectory)).serial
-    for _ in range(2 * len(trajectory.q) + 1000):
+    serial = driver.submit(trajectory, certificate(trajectory), speed).serial
+    for _ in range(round(2 * len(trajectory.q) / driver.state().speed_wanted) + 1000):
         if not driver.moving:
             return serial
         driver.tick()
@@ -99,6 +99,7 @@ def test_a_certificate_is_good_for_one_motion():
     [
         ("certificate_expired", {"issued": time.time() - 100.0, "expires": time.time() - 1.0}),
         ("wrong_profile", {"profile": "fr3/10"}),
+        ("wrong_firmware", {"firmware": "panda system 3.x, research interface 3"}),
         ("wrong_limits", {"limits_hash": "another table"}),
         ("scene_too_old", {"scene_stamp": time.time() - 3600.0}),
         ("scene_too_old", {"scene_stamp": time.time() - 60.0}),  # from before the robot process started

@@ -8,8 +8,8 @@ from control.limits import REST_Q
 from control.trajectory import GripperCommand
 from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
-from hw_interface.messages import RobotState, StopRequest
-from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.messages import RobotState, SpeedRequest, StopRequest
+from hw_interface.motion_messages import MotionResult, TrajectoryRequest
 from hw_interface.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode
 from tests.hw_support import blank_frame, certificate, joined, perfect_driver, swing
 
@@ -33,6 +33,55 @@ def test_a_trajectory_arrives_bit_for_bit():
     assert received.trajectory().content_hash() == motion.content_hash()
     assert received.trajectory().gripper == motion.gripper
     assert received.certificate_or_none() == sent
+
+
+@pytest.mark.parametrize("speed", [None, 0.3, 1.0])
+def test_a_trajectory_arrives_with_the_speed_to_play_it_at(speed: float | None):
+    motion = swing(0.1)
+    request = TrajectoryRequest.of(motion, certificate(motion), speed)
+    assert decode(encode(request), TrajectoryRequest).speed == speed
+
+
+def test_a_result_arrives_with_the_speed_of_every_row():
+    driver, _ = perfect_driver()
+    motion = swing(0.2, 0.01)
+    serial = driver.submit(motion, certificate(motion), 0.5).serial
+    while driver.moving:
+        driver.tick()
+    received = decode(encode(driver.result(serial)), MotionResult)
+    np.testing.assert_array_equal(received.speed, driver.result(serial).speed)
+    assert len(received.speed) == len(received.times)
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({}, "speed"),
+        ({"speed": "fast"}, "speed"),
+        ({"speed": True}, "speed"),
+        ({"speed": None}, "speed"),
+        ({"speed": float("nan")}, "speed"),
+        ({"speed": float("inf")}, "speed"),
+        ({"speed": 0.5, "ramp": 0.1}, "ramp"),
+    ],
+)
+def test_a_malformed_request_for_a_speed_is_refused_by_field(body: dict, field: str):
+    with pytest.raises(MessageError) as caught:
+        decode(envelope("speed_request", body), SpeedRequest)
+    assert caught.value.field == field
+
+
+def test_random_bytes_in_place_of_any_part_of_a_speed_request_are_refused_or_another_speed():
+    data = encode(SpeedRequest(speed=0.5))
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        changed = bytearray(data)
+        changed[rng.integers(len(data))] = rng.integers(256)
+        try:
+            speed = decode(bytes(changed), SpeedRequest).speed
+        except MessageError:
+            continue
+        assert isinstance(speed, float) and np.isfinite(speed)
 
 
 def test_a_frame_arrives_unchanged_with_its_unknown_depth():
@@ -68,8 +117,8 @@ def test_every_truncation_of_a_message_is_refused():
 
 
 def test_another_protocol_version_is_named_with_what_to_do():
-    with pytest.raises(MessageError, match=r"'protocol': version 2 .*speaks version 1.*same release"):
-        decode(envelope("stop_request", {"reason": ""}, protocol=2), StopRequest)
+    with pytest.raises(MessageError, match=r"'protocol': version 1 .*speaks version 2.*same release"):
+        decode(envelope("stop_request", {"reason": ""}, protocol=1), StopRequest)
 
 
 def test_a_message_of_another_type_is_refused():
@@ -101,6 +150,8 @@ def test_too_large_a_message_is_refused_before_it_is_parsed():
         ({"gripper": [{"time": -1.0, "dwell": 0.1, "kind": "move", "width": 0.0, "force": 0.0}]}, "gripper.0.time"),
         ({"gripper": [{"time": 0.0, "dwell": 0.1, "kind": "crush", "width": 0.0, "force": 0.0}]}, "gripper.0.kind"),
         ({"certificate": {}}, "certificate.serial"),
+        ({"speed": "0.5"}, "speed"),
+        ({"speed": float("nan")}, "speed"),
         ({"certificate": {"expires": float("inf")}}, "certificate"),
     ],
 )

@@ -19,7 +19,7 @@ from hw_interface.client import CellClient, Progress
 from hw_interface.messages import Refusal, RobotState, StateRequest
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.wire import decode, encode
-from tests.hw_support import certificate, robot_process, swing, until
+from tests.hw_support import FIRMWARE, certificate, robot_process, swing, until
 
 HEAVY = ("mujoco", "torch", "open3d", "transformers", "scipy", "cv2")
 
@@ -38,6 +38,7 @@ def client(robot: SimProcess) -> Iterator[CellClient]:
         client.stop()
         assert until(lambda: client.state().mode not in ("moving", "stopping"))
         client.acknowledge()
+        client.set_speed(1.0)
 
 
 def from_here(client: CellClient, seconds: float, radians: float) -> Trajectory:
@@ -63,6 +64,46 @@ def test_a_motion_at_pace_one_takes_its_own_time(client: CellClient):
     client.execute(motion, certificate(motion))
     # Never faster; the slack above is for a busy machine.
     assert 0.97 <= time.monotonic() - begun < 3.0
+
+
+def test_a_motion_is_played_at_the_speed_that_is_asked_for(client: CellClient):
+    motion = from_here(client, 0.5, 0.05)
+    seen: list[Progress] = []
+    begun = time.monotonic()
+    report = client.execute(motion, certificate(motion), seen.append, speed=0.5)
+    assert 0.97 <= time.monotonic() - begun < 4.0
+    assert report.completed and report.played == report.samples == len(motion.q)
+    np.testing.assert_array_equal(report.speed[1:-1], 0.5)
+    assert {p.state.speed for p in seen if 1 < p.played < p.samples} == {0.5}
+    assert report.final_state.speed == 0.0 and report.final_state.speed_wanted == 0.5
+
+
+def test_the_speed_of_a_motion_changes_while_it_is_played(client: CellClient):
+    motion = from_here(client, 1.5, 0.1)
+    threading.Timer(0.5, lambda: client.set_speed(0.4)).start()
+    report = client.execute(motion, certificate(motion))
+    assert report.completed
+    assert report.speed[1] == 1.0 and report.speed[-2] == 0.4
+    assert client.state().speed_wanted == 0.4
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1.5])
+def test_a_speed_that_was_not_judged_is_refused_over_the_wire(client: CellClient, speed: float):
+    with pytest.raises(RefusedError, match="must be above 0 and at most 1") as caught:
+        client.set_speed(speed)
+    assert caught.value.code == "bad_speed"
+    motion = from_here(client, 0.5, 0.05)
+    with pytest.raises(RefusedError, match="must be above 0 and at most 1"):
+        client.execute(motion, certificate(motion), speed=speed)
+    assert client.state().mode == "idle" and client.state().speed_wanted == 1.0
+
+
+def test_the_firmware_of_the_robot_is_told_and_a_certificate_for_another_is_refused(client: CellClient):
+    assert client.info.firmware == client.state().firmware == FIRMWARE
+    motion = from_here(client, 0.5, 0.05)
+    with pytest.raises(RefusedError, match=r"for firmware 'panda system 3\.x'") as caught:
+        client.execute(motion, certificate(motion, firmware="panda system 3.x"))
+    assert caught.value.code == "wrong_firmware"
 
 
 def test_a_refusal_reaches_the_client_with_its_code(client: CellClient):
@@ -216,6 +257,7 @@ def test_garbage_on_every_key_is_refused_and_does_nothing(robot: SimProcess, cli
         f"{transport.FRAME_KEY}/front",
         transport.TRAJECTORY_KEY,
         transport.STOP_KEY,
+        transport.SPEED_KEY,
         transport.ACKNOWLEDGE_KEY,
         transport.RESULT_KEY,
         transport.TRUTH_KEY,

@@ -4,17 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
 
 from control.errors import TrajectoryError
 from control.limits import panda_limits
-from control.on_path_stop import StopMotion, stop_on_path
+from control.on_path_stop import stop_on_path
+from control.playback import PROGRESS, SLOPE, Playback
 from control.retime import retime
 from control.robot import RobotModel
 from control.safety import SafetyLimits
+from control.speed_override import override_speed
 from control.trajectory import JointPath, PathSegment, Trajectory
 from control.trajectory_checks import check_trajectory
 from tests.arm_paths import REST, pick_and_place, random_path
+from tests.played_paths import distance_from_path
 
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()
@@ -31,45 +33,23 @@ def placed(robot) -> Trajectory:
     return retime(pick_and_place(robot), robot, LIMITS, SAFETY)
 
 
-def played(trajectory: Trajectory, index: int, stop: StopMotion) -> Trajectory:
-    """What the arm was commanded in all: the trajectory up to `index`, then the stop."""
-    kept = slice(0, index + 1)
-    return Trajectory(
-        q=np.concatenate([trajectory.q[kept], stop.q]),
-        qd=np.concatenate([trajectory.qd[kept], stop.qd]),
-        qdd=np.concatenate([trajectory.qdd[kept], stop.qdd]),
-    )
-
-
-def distance_from_path(trajectory: Trajectory, q: np.ndarray, low: float, high: float) -> float:
-    """Largest joint difference of samples from the trajectory's own curve between two moments, in [rad].
-
-    The curve is the cubic spline through the samples; along it each sample's nearest point is found by projecting on
-    the tangent a few times.
-    """
-    first, last = max(0, int(low) - 30), min(len(trajectory.q), int(np.ceil(high)) + 31)
-    curve = make_interp_spline(np.arange(first, last), trajectory.q[first:last], k=3)
-    dense = np.linspace(low, high, 20 * max(2, int(high - low)))
-    points = curve(dense)
-    worst = 0.0
-    for sample in q:
-        at = dense[np.argmin(np.sum((points - sample) ** 2, axis=1))]
-        for _ in range(3):
-            tangent = curve(at, nu=1)
-            at = np.clip(at + (sample - curve(at)) @ tangent / max(tangent @ tangent, 1e-18), low, high)
-        worst = max(worst, float(np.max(np.abs(sample - curve(at)))))
-    return worst
-
-
-def assert_stops(trajectory: Trajectory, index: int) -> StopMotion:
-    stop = stop_on_path(trajectory, index, LIMITS)
-    assert not [c for c in check_trajectory(played(trajectory, index, stop), LIMITS, PUBLISHED) if not c.ok]
-    assert index <= stop.progress <= len(trajectory.q) - 1
+def assert_stops(commanded: Trajectory | Playback, index: int) -> Playback:
+    playback = commanded if isinstance(commanded, Playback) else Playback.of(commanded)
+    stop = stop_on_path(playback, index, LIMITS)
+    assert not [c for c in check_trajectory(stop.as_trajectory(), LIMITS, PUBLISHED) if not c.ok]
+    assert np.array_equal(stop.q[: index + 1], playback.q[: index + 1]), "what was commanded is over"
+    assert len(stop.q) > index + 1
+    assert np.all(np.diff(stop.clock[index:, PROGRESS]) >= 0.0), "it does not turn back"
+    assert stop.clock[-1, PROGRESS] <= len(playback.trajectory.q) - 1
     assert not stop.qd[-1].any()
     assert not stop.qdd[-1].any()
     # Interpolation between samples a millisecond apart is good to far less than a microradian.
-    assert distance_from_path(trajectory, stop.q, index, stop.progress) < 1e-6
+    assert distance_from_path(stop, index) < 1e-7
     return stop
+
+
+def rows_to_rest(stop: Playback, index: int) -> int:
+    return len(stop.q) - 1 - index
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -87,7 +67,8 @@ def test_stopping_anywhere_in_a_pick_and_place_keeps_path_and_limits(placed):
 
 
 def test_stops_are_quick(placed):
-    lengths = [len(stop_on_path(placed, index, LIMITS).q) for index in range(0, len(placed.q), 50)]
+    playback = Playback.of(placed)
+    lengths = [rows_to_rest(stop_on_path(playback, index, LIMITS), index) for index in range(0, len(placed.q), 50)]
     # From the fastest allowed speed a joint needs 0.8 qd / qdd, at most 0.24 s, plus the ramps.
     assert max(lengths) < 450
     assert np.median(lengths) < 250
@@ -95,11 +76,11 @@ def test_stops_are_quick(placed):
 
 def test_samples_of_the_stop_advance_along_the_trajectory_without_turning_back(placed):
     index = int(np.argmax(np.linalg.norm(placed.qd, axis=1)))
-    stop = stop_on_path(placed, index, LIMITS)
+    stop = assert_stops(placed, index)
     forward = placed.qd[index]
-    steps = np.diff(np.concatenate([placed.q[index : index + 1], stop.q]), axis=0) @ forward
+    steps = np.diff(stop.q[index:], axis=0) @ forward
     assert np.all(steps >= -1e-9)
-    assert stop.progress > index + 5  # it was moving, so it cannot stop at once
+    assert stop.clock[-1, PROGRESS] > index + 5  # it was moving, so it cannot stop at once
 
 
 def test_an_arm_that_dwells_stops_at_once(placed):
@@ -107,21 +88,21 @@ def test_an_arm_that_dwells_stops_at_once(placed):
         for moment in (event.time, event.time + event.dwell / 2, event.time + event.dwell):
             index = round(moment / 1e-3)
             stop = assert_stops(placed, index)
-            assert stop.progress == index
-            assert np.array_equal(stop.q, placed.q[index : index + 1])
+            assert stop.clock[-1, PROGRESS] == index
+            assert np.array_equal(stop.q[index + 1 :], np.tile(placed.q[index], (2, 1)))
 
 
 def test_before_the_start_and_at_the_end_it_stops_at_once(placed):
-    assert len(assert_stops(placed, 0).q) == 1
+    assert np.array_equal(assert_stops(placed, 0).q, np.tile(placed.q[0], (3, 1)))
     stop = assert_stops(placed, len(placed.q) - 1)
-    assert np.array_equal(stop.q, placed.q[-1:])
-    assert stop.progress == len(placed.q) - 1
+    assert np.array_equal(stop.q[-1], placed.q[-1])
+    assert stop.clock[-1, PROGRESS] == len(placed.q) - 1
 
 
 def test_shortly_before_the_end_it_never_passes_the_end(placed):
     for before in range(1, 120, 7):
         stop = assert_stops(placed, len(placed.q) - 1 - before)
-        assert len(stop.q) <= before + 60
+        assert rows_to_rest(stop, len(placed.q) - 1 - before) <= before + 60
 
 
 def test_a_trajectory_without_room_below_its_limits_is_played_to_its_end(placed):
@@ -131,18 +112,42 @@ def test_a_trajectory_without_room_below_its_limits_is_played_to_its_end(placed)
         qddd=np.full(7, 1.0),
     )
     index = int(np.argmax(np.linalg.norm(placed.qd, axis=1)))
-    stop = stop_on_path(placed, index, tight)
-    assert stop.progress == len(placed.q) - 1
-    assert np.array_equal(stop.q[:-1], placed.q[index + 1 :])
+    playback = Playback.of(placed)
+    assert stop_on_path(playback, index, tight) is playback
 
 
 @pytest.mark.parametrize("index", [-1, 10_000_000])
 def test_a_moment_outside_the_trajectory_is_refused(index, placed):
-    with pytest.raises(TrajectoryError, match=rf"cannot stop at sample {index}; the trajectory has samples 0 to \d+"):
-        stop_on_path(placed, index, LIMITS)
+    with pytest.raises(
+        TrajectoryError, match=rf"cannot stop at sample {index}; what is commanded has samples 0 to \d+"
+    ):
+        stop_on_path(Playback.of(placed), index, LIMITS)
 
 
 def test_a_resting_trajectory_stops_at_once():
-    rest = Trajectory(np.tile(REST, (5, 1)), np.zeros((5, 7)), np.zeros((5, 7)))
-    for index in range(5):
-        assert stop_on_path(rest, index, LIMITS).progress == index
+    rest = Trajectory(np.tile(REST, (10, 1)), np.zeros((10, 7)), np.zeros((10, 7)))
+    for index in range(10):
+        assert assert_stops(rest, index).clock[-1, PROGRESS] == index
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.3, 0.9])
+def test_stopping_anywhere_at_another_speed_keeps_path_and_limits(rate, placed):
+    playback = Playback.of(placed, rate)
+    for index in np.random.default_rng(1).integers(0, len(playback.q), 12):
+        stop = assert_stops(playback, int(index))
+        assert rows_to_rest(stop, int(index)) < 450
+
+
+@pytest.mark.parametrize(("before", "after"), [(1.0, 0.1), (0.1, 1.0), (0.6, 0.5), (0.97, 1.0)])
+def test_stopping_in_the_middle_of_a_change_of_speed_keeps_path_and_limits(before, after, placed):
+    rng = np.random.default_rng(2)
+    allowed = LIMITS.scaled(SAFETY.velocity_scale, SAFETY.acceleration_scale)
+    playback = Playback.of(placed, before)
+    waits = []
+    for begin in rng.integers(0, len(playback.q) - 1, 8):
+        changing = override_speed(playback, int(begin), after, allowed)
+        for index in np.flatnonzero(changing.clock[:, SLOPE])[::20]:
+            stop = assert_stops(changing, int(index))
+            waits.append(rows_to_rest(stop, int(index)))
+    assert max(waits) < 600
+    assert np.median(waits) < 250

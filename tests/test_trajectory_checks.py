@@ -233,12 +233,41 @@ def hand_on_a_stick(q):
     return poses
 
 
-def spinning_hand(q):
-    """A hand that turns four times as far as joint 1, on the spot."""
-    poses = np.tile(np.eye(4), (len(q), 1, 1))
-    c, s = np.cos(4 * q[:, 0]), np.sin(4 * q[:, 0])
+def turned(angle: np.ndarray) -> np.ndarray:
+    """Poses turned about z by angles in [rad]."""
+    poses = np.tile(np.eye(4), (len(angle), 1, 1))
+    c, s = np.cos(angle), np.sin(angle)
     poses[:, 0, 0], poses[:, 0, 1], poses[:, 1, 0], poses[:, 1, 1] = c, -s, s, c
     return poses
+
+
+def spinning_hand(q):
+    """A hand that turns four times as far as joint 1, on the spot."""
+    return turned(4.0 * q[:, 0])
+
+
+def hand_on_a_long_stick(q):
+    """A hand that goes 8 m straight on for each radian of joint 1."""
+    poses = np.tile(np.eye(4), (len(q), 1, 1))
+    poses[:, 0, 3] = 8.0 * q[:, 0]
+    return poses
+
+
+def whirling_hand(q):
+    """A hand that turns sixteen times as far as joint 1, on the spot."""
+    return turned(16.0 * q[:, 0])
+
+
+def hand_that_jumps(q):
+    """A hand that is off by 3 um in one sample: 3 m/s^2, and 9000 m/s^3 where 6500 are allowed."""
+    poses = np.tile(np.eye(4), (len(q), 1, 1))
+    poses[700, 0, 3] = 3e-6
+    return poses
+
+
+def hand_that_twitches(q):
+    """A hand that is off by 5 urad in one sample: 10 rad/s^2, and 15000 rad/s^3 where 12500 are allowed."""
+    return turned(5e-6 * (np.arange(len(q)) == 700))
 
 
 ALONE = {
@@ -250,6 +279,10 @@ ALONE = {
     "torque_rate": (move(0, 0.5, 1.0), {"torque": switching}),
     "hand_speed": (move(0, 0.5, 2.0), {"tcp": hand_on_a_stick}),
     "hand_angular_speed": (move(0, 0.5, 2.0), {"tcp": spinning_hand}),
+    "hand_acceleration": (move(0, 0.005, 0.2), {"tcp": hand_on_a_long_stick}),
+    "hand_angular_acceleration": (move(0, 0.005, 0.2), {"tcp": whirling_hand}),
+    "hand_jerk": (move(0, 0.5, 2.0), {"tcp": hand_that_jumps}),
+    "hand_angular_jerk": (move(0, 0.5, 2.0), {"tcp": hand_that_twitches}),
     "starts_at_rest": (started(), {}),
     "ends_at_rest": (ended(), {}),
     "sampled_consistently": (replace(move(), qd=np.zeros_like(move().q)), {}),

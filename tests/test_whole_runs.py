@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from control.motion_file import read_motion
+from control.resampling import to_trajectory
+
 pytestmark = pytest.mark.timeout(240)
 
 
@@ -73,6 +76,10 @@ def test_a_typed_goal_moves_the_cube_and_leaves_its_evidence(tmp_path):
     assert (folder / "strip.png").stat().st_size > 10_000
     assert (folder / "run.mp4").stat().st_size > 10_000
     assert list(folder.glob("look_*.png"))
+    # What was sent is kept whole: it is what the certificate was issued for.
+    certified = [e["certificate"]["trajectory_hash"] for e in events(folder) if e["event"] == "certificate"]
+    kept = [to_trajectory(read_motion(file)).content_hash() for file in sorted(folder.glob("trajectory_*.npz"))]
+    assert kept == certified
     # What was seen can be looked into again, without a robot.
     again = subprocess.run(
         [sys.executable, "-m", "replan.main", "perceive", str(folder / "look_001.npz"), "-n", "crate", "--json"],

@@ -5,5 +5,6 @@ from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
 from replan.commands.robot import Robot
 from replan.commands.run import Run
+from replan.commands.validate import Validate
 
-COMMANDS = {"run": Run, "perceive": Perceive, "robot": Robot, "doctor": Doctor, "bench": Bench}
+COMMANDS = {"run": Run, "validate": Validate, "perceive": Perceive, "robot": Robot, "doctor": Doctor, "bench": Bench}

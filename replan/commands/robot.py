@@ -1,8 +1,9 @@
-"""`replan robot sim|acknowledge`: processes and acts on the robot's side."""
+"""`replan robot sim|play|speed|acknowledge`: processes and acts on the robot's side."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -70,12 +71,77 @@ class RobotAcknowledge:
 
 
 @dataclass(frozen=True)
+class RobotPlay:
+    """Have a robot play exactly the trajectory in a file, with its certificate; Ctrl-C rests on the path.
+
+    Nothing is planned or judged here. The robot refuses, in one line and with exit code 4, what its certificate does
+    not cover: other samples, another robot, firmware or limits, a certificate that expired or was used, another start.
+    """
+
+    trajectory: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="TRAJECTORY")]
+    """Trajectory file (NPZ) that the certificate was issued for."""
+    certificate: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CERTIFICATE")]
+    """Its certificate (JSON)."""
+    robot: str = DEFAULT_ENDPOINT
+    """Endpoint of the robot process."""
+    motion_speed: float | None = None
+    """Share of the certified speed to play it at, above 0 and at most 1; slower on exactly the same path. Stays set on
+    the robot. Default: as the robot is set."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Read both files and play."""
+        from control.certificate_file import read_certificate
+        from control.motion_file import read_motion
+        from control.resampling import to_trajectory
+        from replan.play import play
+
+        certificate = read_certificate(self.certificate)
+        trajectory = to_trajectory(read_motion(self.trajectory))
+        report = play(trajectory, certificate, self.robot, console.note, self.motion_speed)
+        console.result(report.as_json(), report.as_text())
+        return 0
+
+
+@dataclass(frozen=True)
+class RobotSpeed:
+    """Have a robot play its motions at a share of their certified speed: the present one from now on, and later ones.
+
+    The arm stays exactly on its path and changes its speed within its limits. 1 is the speed that a motion was judged
+    at; nothing plays faster.
+    """
+
+    speed: Annotated[tyro.conf.Positional[float], tyro.conf.arg(metavar="SHARE")]
+    """Share of the certified speed, above 0 and at most 1, for instance 0.3."""
+    robot: str = DEFAULT_ENDPOINT
+    """Endpoint of the robot process."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Send the speed."""
+        from hw_interface.client import CellClient
+
+        with CellClient.connect(self.robot) as client:
+            state = client.set_speed(self.speed)
+        now = f"at speed {state.speed:.2g} now" if state.mode == "moving" else f"'{state.mode}'"
+        console.result(
+            {"mode": state.mode, "speed": state.speed, "speed_wanted": state.speed_wanted},
+            f"robot plays at speed {state.speed_wanted:g} of 1; it is {now}",
+        )
+        return 0
+
+
+@dataclass(frozen=True)
 class Robot:
-    """The robot's side: start a simulated cell, or acknowledge a stop."""
+    """The robot's side: start a simulated cell, play a certified trajectory, set the speed, acknowledge a stop."""
 
     which: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[RobotSim, tyro.conf.subcommand("sim")]
+            | Annotated[RobotPlay, tyro.conf.subcommand("play")]
+            | Annotated[RobotSpeed, tyro.conf.subcommand("speed")]
             | Annotated[RobotAcknowledge, tyro.conf.subcommand("acknowledge")]
         ]
     ]

@@ -32,6 +32,9 @@ class Run:
     """Seed of planning, and of the simulated cell's placement when one is started."""
     speed: float = 1.0
     """Pace of the simulated cell that is started, in times real time; 0 is as fast as it goes."""
+    motion_speed: float | None = None
+    """Share of the certified speed to play motions at, above 0 and at most 1: the arm moves slower on exactly the same
+    path. Stays set on the robot; `replan robot speed` changes it while it moves. Default: as the robot is set."""
     detector: str = "colour"
     """`colour` (embedded), or a GroundingDINO model: local folder or hub name."""
     segmenter: str = "grabcut"
@@ -63,6 +66,7 @@ class Run:
                 robot=self.robot,
                 seed=self.seed,
                 speed=self.speed,
+                motion_speed=self.motion_speed,
                 detector=self.detector,
                 segmenter=self.segmenter,
                 offline=self.offline,
