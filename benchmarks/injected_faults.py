@@ -11,24 +11,15 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from benchmarks.base_motions import Base, Case, spliced, warped
+from benchmarks.base_motions import Base, Case, warped
+from benchmarks.fault_geometry import ROBOT, free_spot, gives_way, go_on, hand_down, lowered_hand, overlaps, room_below
 from benchmarks.placed_obstacles import NAME, Wanted, obstacle_below
-from control.errors import RetimingError
-from control.retime import retime
 from control.robot import Payload
-from control.trajectory import (
-    SAMPLE_TIME,
-    GripperCommand,
-    GripperEvent,
-    JointPath,
-    PathSegment,
-    Trajectory,
-)
+from control.trajectory import SAMPLE_TIME, GripperCommand, GripperEvent
 from control.transits import straight
-from control.twin_model import ARM_BODIES, ARM_JOINTS, FINGER_BODIES, HAND_BODY, TABLE_BODY, TCP_SITE
+from control.twin_model import ARM_BODIES, ARM_JOINTS, FINGER_BODIES, HAND_BODY, TCP_SITE
 
 TRIES = 300
-ROBOT = (*ARM_BODIES, HAND_BODY, *FINGER_BODIES)
 TOUCHED = frozenset({"arm_clearance", "finger_clearance", "held_clearance", "unwanted_contact", "contact_force"})
 
 
@@ -73,12 +64,12 @@ def self_collision(base: Base, rng: np.random.Generator) -> Case | None:
     end, margin = base.trajectory.q[-1], 0.05  # [rad] from the joints' limits
     for _ in range(TRIES):
         goal = rng.uniform(base.limits.q_min + margin, base.limits.q_max - margin)
-        if _overlaps(base, goal)[0] < 0.005:
+        if overlaps(base, goal)[0] < 0.005:
             continue
         way = straight(end, goal)
-        if any(_overlaps(base, q)[1] > 0.0 for q in way):
+        if any(overlaps(base, q)[1] > 0.0 for q in way):
             continue
-        longer = _then(base, len(base.trajectory.q) - 1, [way, straight(goal, end)])
+        longer = go_on(base, len(base.trajectory.q) - 1, [way, straight(goal, end)])
         if longer is not None:
             return _case(base, "self_collision", {"self_clearance", "self_contact"}, trajectory=longer)
     return None
@@ -103,7 +94,7 @@ def dropped(base: Base, rng: np.random.Generator) -> Case | None:
         return None
     segment = carried[int(rng.integers(len(carried)))]
     row = int(rng.integers(segment.start + 50, segment.stop - 100))
-    low = _lowest(base, segment.held or "", row)
+    low = room_below(base, segment.held or "", row)
     if low < 0.05:
         return None
     event = GripperEvent(row * SAMPLE_TIME, 0.5, GripperCommand("move", base.twin.gripper.opening))
@@ -112,35 +103,39 @@ def dropped(base: Base, rng: np.random.Generator) -> Case | None:
 
 
 def knocked_over(base: Base, rng: np.random.Generator) -> Case | None:
-    """A slender neighbour stands in the way of the moving hand, which strikes it 5 cm below its top."""
+    """A slender neighbour stands in the way of the moving hand, which strikes it 5 cm below its top.
+
+    It falls, or is pushed along where something stops its fall.
+    """
     wanted = Wanted(-0.05, width=(0.04, 0.05), speed=0.08, height=0.12)
     twin = obstacle_below(base, wanted, rng)
-    return None if twin is None else _case(base, "knocked_over", {"tipped"}, twin=twin, culprit=NAME)
+    return None if twin is None else _case(base, "knocked_over", {"tipped", "moved"}, twin=twin, culprit=NAME)
 
 
 def excess_force(base: Base, rng: np.random.Generator) -> Case | None:
     """What is put down is pressed 8 to 20 mm into what carries it; where nothing is, the fingers into the table."""
     depth = rng.uniform(0.008, 0.02)
     put = [s for s in base.trajectory.segments if s.held and s.name == "lower"]
-    if put and _gives_way(base):
+    if put and gives_way(base):
         return None
     if put:
         row = put[-1].stop - 1
-        ways = [base.trajectory.q[row], _moved_hand(base, base.trajectory.q[row], depth)]
+        fall = max(0.0, room_below(base, put[-1].held or "", row))  # things are let go a little above what carries them
+        ways = [base.trajectory.q[row], lowered_hand(base, base.trajectory.q[row], fall + depth)]
     else:
         row = len(base.trajectory.q) - 1
-        spot = _free_spot(base, rng)
+        spot = free_spot(base, rng)
         if spot is None:
             return None
         tip = base.twin.support_height + base.twin.gripper.fingertip
-        ways = [base.trajectory.q[row], _hand_down(base, spot, tip + 0.10), _hand_down(base, spot, tip - depth)]
+        ways = [base.trajectory.q[row], hand_down(base, spot, tip + 0.10), hand_down(base, spot, tip - depth)]
     if any(q is None for q in ways):
         return None
     corners = [q for q in ways if q is not None]
     there = [straight(a, b) for a, b in pairwise(corners)]
-    if not put and any(_overlaps(base, q)[1] > 0.0 for q in there[0]):
+    if not put and any(overlaps(base, q)[1] > 0.0 for q in there[0]):
         return None
-    pressed = _then(base, row, [*there, *[way[::-1] for way in there[::-1]]])
+    pressed = go_on(base, row, [*there, *[way[::-1] for way in there[::-1]]])
     if pressed is None:
         return None
     return _case(base, "force", {"contact_force", "pressing_force"}, trajectory=pressed)
@@ -220,92 +215,3 @@ FAULTS: dict[str, Callable[[Base, np.random.Generator], Case | None]] = {
     "keep_out": keep_out,
     "torque": excess_torque,
 }
-
-
-def _then(base: Base, row: int, ways: list[np.ndarray]) -> Trajectory | None:
-    """The motion with further ways, retimed from rest to rest, after one of its samples at rest; None if impossible."""
-    path = JointPath(tuple(PathSegment(f"part{i}", q) for i, q in enumerate(ways)))
-    try:
-        extra = retime(path, base.robot, base.limits, base.safety)
-    except RetimingError:
-        return None
-    return spliced(base.trajectory, row, row, extra.q, extra.qd, extra.qdd)
-
-
-def _overlaps(base: Base, q: np.ndarray) -> tuple[float, float]:
-    """Deepest overlap in [m] within the robot, and of the robot with anything else, at joints q after the motion."""
-    model, data = base.twin.model, mujoco.MjData(base.twin.model)
-    data.qpos[:] = base.rollout.end
-    data.qpos[[int(model.joint(name).qposadr[0]) for name in ARM_JOINTS]] = q
-    mujoco.mj_forward(model, data)
-    own = world = 0.0
-    for contact in data.contact[: data.ncon]:
-        names = {model.body(int(model.geom_bodyid[g])).name for g in contact.geom}
-        if names <= set(ROBOT) and names != set(FINGER_BODIES):
-            own = max(own, -float(contact.dist))
-        elif names & set(ROBOT) and names != set(FINGER_BODIES):
-            world = max(world, -float(contact.dist))
-    return own, world
-
-
-def _gives_way(base: Base) -> bool:
-    """Whether the thing is put on something that moves under a load, as the plate of a scale does."""
-    model, target = base.twin.model, base.spec.primary.target
-    if target is None or target not in base.cell.furniture:
-        return False
-    owner = model.body(target).id
-    return any(int(model.body_rootid[int(model.jnt_bodyid[j])]) == owner for j in range(model.njnt)) and not any(
-        joint.owner == target for joint in base.twin.joints
-    )
-
-
-def _lowest(base: Base, name: str, row: int) -> float:
-    """Height in [m] of an object's lowest point above the nearest thing below or beside it, the robot apart."""
-    model, data = base.twin.model, mujoco.MjData(base.twin.model)
-    data.qpos[:] = base.rollout.qpos[min(row // 2, len(base.rollout.qpos) - 1)]
-    mujoco.mj_kinematics(model, data)
-    body = model.body(name).id
-    solid = (model.geom_contype | model.geom_conaffinity) != 0
-    own = np.flatnonzero((model.geom_bodyid == body) & solid)
-    robot = [model.body(n).id for n in ROBOT]
-    others = np.flatnonzero((model.geom_bodyid != body) & solid & ~np.isin(model.geom_bodyid, robot))
-    segment = np.zeros(6)
-    return min(mujoco.mj_geomDistance(model, data, int(a), int(b), 0.2, segment) for a in own for b in others)
-
-
-def _hand_down(base: Base, spot: np.ndarray, height: float) -> np.ndarray | None:
-    """Joints that bring the tool centre point, hand down, to a place (x, y) and height in the world in [m]."""
-    pose = np.diag([1.0, -1.0, -1.0, 1.0])
-    pose[:3, 3] = *spot, height
-    return _solved(base, pose, base.trajectory.q[-1])
-
-
-def _moved_hand(base: Base, q: np.ndarray, down: float) -> np.ndarray | None:
-    """Joints near q with the hand lower by so much in [m]."""
-    pose = base.cell.robot.world_T_base @ base.robot.tcp_pose(q)
-    pose[2, 3] -= down
-    return _solved(base, pose, q)
-
-
-def _solved(base: Base, pose: np.ndarray, seed: np.ndarray) -> np.ndarray | None:
-    found = base.arm.solve_ik(np.linalg.inv(base.cell.robot.world_T_base) @ pose[None], seed[None], per_pose=1)
-    return found.q[0] if len(found.q) else None
-
-
-def _free_spot(base: Base, rng: np.random.Generator) -> np.ndarray | None:
-    """A place (x, y) on the table with 12 cm of room about it at the motion's end."""
-    model, data = base.twin.model, mujoco.MjData(base.twin.model)
-    data.qpos[:] = base.rollout.end
-    mujoco.mj_kinematics(model, data)
-    others = [
-        g
-        for g in range(model.ngeom)
-        if (model.geom_contype[g] or model.geom_conaffinity[g])
-        and model.body(int(model.geom_bodyid[g])).name not in (TABLE_BODY, *ROBOT)
-    ]
-    for _ in range(TRIES):
-        spot = rng.uniform((0.35, -0.35), (0.6, 0.35))
-        apart = [np.linalg.norm(data.geom_xpos[g][:2] - spot) - model.geom_rbound[g] for g in others]
-        if min(apart, default=1.0) > 0.12:
-            return spot
-    return None

@@ -15,7 +15,7 @@ from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TCP_SITE, T
 from tests.sim_scenes import estimate
 
 NAME = "obstacle"
-TRIES = 30  # places that are tried
+TRIES = 45  # places that are tried
 BESIDE = 0.03  # [m] beside the way of the tool centre point at which they may lie
 UNDER_HAND = 0.05  # [m] that the obstacle's top may be above or below the tool centre point
 ROUNDS = 6  # of correcting its height

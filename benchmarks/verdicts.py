@@ -261,6 +261,9 @@ def main() -> int:
             runs += result
         shown = result if isinstance(result, str) else f"{len(result)} verdicts"
         print(f"[{count}/{len(jobs)}] {' '.join(map(str, jobs[count - 1]))}: {shown}", file=sys.stderr)
+        for run in [] if isinstance(result, str) else result:
+            if run.passed == run.fault or (run.fault and not run.right_reason):
+                print(f"    {run.kind} {'passed' if run.passed else 'refused'}: {run.why}", file=sys.stderr)
     one["nominal"] = round(statistics.median([r.seconds for r in runs if r.fault] or [0.0]), 2)
     one["good"] = round(statistics.median([r.seconds for r in runs if not r.fault] or [0.0]), 2)
     report = {"seeds": args.seeds, **summary(runs), "not_planned": not_planned, "seconds_per_verdict": one}

@@ -114,7 +114,8 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
             if a == b:
                 continue
             mujoco.mj_contactForce(model, data, i, force)
-            size = math.sqrt(force[:3].dot(force[:3]))
+            x, y, z = force[:3].tolist()
+            size = math.sqrt(x * x + y * y + z * z)
             if size > FORCE_FLOOR:
                 steps.append(k)
                 pairs.append((a, b))

@@ -377,6 +377,8 @@ def _worst_contact(motion: TwinMotion, counts: Callable[[str, str], bool], since
     """Largest force over the contacts that count; forces of one pair of bodies at one time add up."""
     c = motion.contacts
     verdicts = {pair: counts(*pair) for pair in set(c.bodies)}
+    if not any(verdicts.values()):
+        return Worst()
     sums: dict[tuple[int, tuple[str, str]], float] = {}
     for step, pair, force in zip(c.step, c.bodies, c.force, strict=True):
         if verdicts[pair] and motion.time[step] >= since:

@@ -67,16 +67,23 @@ class RobotPoints:
 
     def along(self, geom_xpos: np.ndarray, geom_xmat: np.ndarray, site_xpos: np.ndarray) -> np.ndarray:
         """Points in the world in [m], shape (n, k, 3), from n rows of these fields of `mujoco.MjData`."""
-        rotation = geom_xmat[:, self._geoms].reshape(len(geom_xmat), -1, 3, 3)
-        turned = (rotation @ self._local[:, :, None])[..., 0]
-        return np.concatenate([geom_xpos[:, self._geoms] + turned, site_xpos[:, self._site, None]], axis=1)
+        out = np.empty((len(geom_xpos), len(self.bodies), 3))
+        for geom in np.unique(self._geoms):
+            points = np.flatnonzero(self._geoms == geom)
+            rotation = geom_xmat[:, geom].reshape(-1, 3, 3)
+            out[:, points] = geom_xpos[:, None, geom] + self._local[points] @ rotation.transpose(0, 2, 1)
+        out[:, -1] = site_xpos[:, self._site]
+        return out
 
 
 def outside_box(track: RobotTrack, low: np.ndarray, high: np.ndarray) -> tuple[float, int, str]:
     """How far the hand is outside a box at most in [m] (0 inside), at which sample, and with which body."""
     rows = np.flatnonzero([b in _HAND for b in track.bodies])
     p, r = track.points[:, rows], track.radius[rows, None]
-    return _most(np.linalg.norm(np.maximum(low - (p - r), 0.0) + np.maximum(p + r - high, 0.0), axis=2), track, rows)
+    below, above = low - (p - r), p + r - high
+    if below.max() <= 0.0 and above.max() <= 0.0:
+        return 0.0, 0, track.bodies[rows[0]]
+    return _most(np.linalg.norm(np.maximum(below, 0.0) + np.maximum(above, 0.0), axis=2), track, rows)
 
 
 def inside_zone(track: RobotTrack, low: np.ndarray, high: np.ndarray) -> tuple[float, int, str]:
