@@ -1,6 +1,6 @@
 """Validating one motion in the twin: read it, judge exactly its samples, say what every check found."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from control.rewards import RewardSpec
 from control.robot import Payload, RobotModel
 from control.safety import SafetyLimits
 from control.segment_timing import RetimingOptions
-from control.trajectory import Trajectory
+from control.trajectory import PathSegment, Trajectory, TrajectorySegment
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
 from planning.answers import MalformedAnswerError
@@ -26,13 +26,14 @@ from planning.reward_program import EXECUTE, build_spec, parse_reward_program
 from replan.errors import DONE, UNSAFE
 from replan.scene_source import scene_for
 from sim_check.cells import CellConfig, load_cell
-from sim_check.foreign_motion import with_handling
+from sim_check.foreign_motion import path_with_handling, with_handling
 from sim_check.payloads import held_payloads, loaded_torque
 from sim_check.start_collision import start_collision
 from sim_check.twin import build_twin
 from sim_check.verdict import SUCCESS_SHARE, Judgement, judge_in_detail
 
 HEAVIEST = 50.0  # [kg]; far beyond what any arm here carries: a larger number is a mistake
+TOLD_DEPARTURE = 1e-3  # [rad] that a curve leaves the lines between rows by before it is worth a word
 GRASP_FORCE = 40.0  # [N]; Franka's usual grasp force, for closings of which a file gives none
 
 
@@ -196,10 +197,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         raise ConfigError(f"the gripper cannot be {width:g} m open at the start; it opens from 0 to {opening:g} m")
     _check_names(options, scene)
     robot = RobotModel.panda(gripper=cell.robot.gripper_model)
-    trajectory, retiming, made = _samples(motion, options, robot, limits, safety)
-    if not any(s.held or s.touching for s in trajectory.segments):
-        trajectory = with_handling(trajectory, options.handles, options.held)
-    start = trajectory.q[0] if options.start is None else options.start
+    start = motion.q[0] if options.start is None else options.start
     _refuse_collision(motion, cell, scene, start, width, options)
     try:
         twin = build_twin(cell, scene, start, width, options.held)
@@ -208,6 +206,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
     except StackError as error:
         raise ConfigError(f"no twin of {_scene_name(options)}: {error}") from error
     say(f"twin: {', '.join(scene.names)} ({scene.source})")
+    trajectory, retiming, made = _samples(motion, options, robot, limits, safety, twin)
     spec = None if options.reward is None else _spec(options.reward, scene, twin)
     judgement = judge_in_detail(
         trajectory,
@@ -230,7 +229,12 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
 
 
 def _samples(
-    motion: MotionFile, options: ValidateOptions, robot: RobotModel, limits: RobotLimits, safety: SafetyLimits
+    motion: MotionFile,
+    options: ValidateOptions,
+    robot: RobotModel,
+    limits: RobotLimits,
+    safety: SafetyLimits,
+    twin: TwinModel,
 ) -> tuple[Trajectory, RetimingReport | None, str]:
     """What is judged: the file's samples, or its path with a new time law; and how it was made of the file."""
     force = GRASP_FORCE if options.handles else None
@@ -239,11 +243,13 @@ def _samples(
             raise ConfigError("--fraction says how fast a motion is retimed; give --retime as well")
         trajectory, report = to_trajectory_with_report(motion, force)
         made = report.method
-        if report.departure > 1e-3:
+        if report.departure > TOLD_DEPARTURE:
             made += (
                 f"; between rows it leaves the straight line by up to {report.departure:.3f} rad "
                 f"({trajectory.joint_names[report.joint]} at {report.at:.2f} s)"
             )
+        if not _says_what_it_handles(trajectory.segments):
+            trajectory = with_handling(trajectory, options.handles, options.held)
         return trajectory, None, made
     if options.fraction is not None:
         if not 0.0 < options.fraction <= 1.0:
@@ -253,16 +259,21 @@ def _samples(
             velocity_scale=min(options.fraction, safety.velocity_scale),
             acceleration_scale=min(options.fraction, safety.acceleration_scale),
         )
+    path = to_path(motion, force)
+    if not _says_what_it_handles(path.segments):
+        path = path_with_handling(path, options.handles, options.held)
     loaded = robot if options.payload is None else robot.with_payload(options.payload)
+    how = RetimingOptions(tolerance=options.tolerance)
     try:
-        trajectory, report = retime_with_report(
-            to_path(motion, force), loaded, limits, safety, replace(RetimingOptions(), tolerance=options.tolerance)
-        )
+        trajectory, report = retime_with_report(path, loaded, limits, safety, how, held_payloads(twin))
     except RetimingError as error:
         raise RefusedError("cannot_be_retimed", f"{options.file}: the path cannot be timed: {error}") from error
     off = f"at most {1e3 * report.deviation:.1f} mrad off the path"
-    made = f"retimed to {report.ratio:.2f} times the time-optimal bound, {off}"
-    return trajectory, report, made
+    return trajectory, report, f"retimed to {report.ratio:.2f} times the time-optimal bound, {off}"
+
+
+def _says_what_it_handles(segments: Sequence[PathSegment | TrajectorySegment]) -> bool:
+    return any(s.held or s.touching for s in segments)
 
 
 def _scene_name(options: ValidateOptions) -> str:

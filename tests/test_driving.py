@@ -17,6 +17,7 @@ from control.rewards import RewardSpec, RewardTerm
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.twin_model import TwinModel
+from sim_check.payloads import held_payloads
 from sim_check.replay import replay
 from sim_check.verdict import judge_trajectory
 from tests.furniture_scenes import CABINET, cabinet, furnished, lever, sliding
@@ -40,7 +41,7 @@ def robot() -> RobotModel:
 
 
 def judge(found: MotionPlan, twin: TwinModel, spec: RewardSpec, perturbed: int = 0):
-    trajectory = retime(found.path, robot(), LIMITS, SAFETY)
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
     rng = np.random.default_rng(0)
     return judge_trajectory(
         trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed=perturbed, nthread=1, robot=robot(), success_share=1.0
@@ -79,7 +80,9 @@ def test_a_door_that_was_opened_stays_open_while_the_other_one_is_opened():
     twin, spec = cabinet(right=0.9), asked("cabinet_left_door", 0.7)
     found = plan(twin, spec)
     assert isinstance(found, MotionPlan), found
-    rollouts, _ = replay(retime(found.path, robot(), LIMITS, SAFETY), [twin], 0.5, nthread=1)
+    rollouts, _ = replay(
+        retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin)), [twin], 0.5, nthread=1
+    )
     fractions = twin.joint_fractions(rollouts[0].qpos[-1])
     assert fractions["cabinet_right_door"] == pytest.approx(0.9, abs=0.01)
     assert fractions["cabinet_left_door"] == pytest.approx(0.7, abs=0.05)

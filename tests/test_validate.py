@@ -28,6 +28,7 @@ from replan.validate import ValidateOptions, Validation, payload_from, reward_te
 from replan.validation_report import worst_moments
 from replan.validation_text import as_json, as_text, check_rows
 from sim_check.cells import load_cell
+from sim_check.payloads import held_payloads
 from sim_check.twin import build_twin
 
 ON_CRATE = 'minimize_l2_distance_reward("red_cube", "crate", primary_reward=True)'
@@ -41,7 +42,7 @@ def pick() -> Trajectory:
     spec, safety = spec_of("minimize_l2_distance", "red_cube", "crate"), cell.safety_limits()
     plan = plan_motion(twin, spec, safety, np.random.default_rng(0))
     assert not hasattr(plan, "kind"), plan
-    return retime(plan.path, RobotModel.panda(), panda_limits(), safety)  # type: ignore[union-attr]
+    return retime(plan.path, RobotModel.panda(), panda_limits(), safety, payloads=held_payloads(twin))  # type: ignore[union-attr]
 
 
 @pytest.fixture(scope="module")
