@@ -25,6 +25,7 @@ from replan.episode import Episode
 from replan.film import FILM_RATE, Film
 from sim_check.cells import CellConfig
 from sim_check.diagnosis import diagnose
+from sim_check.payloads import held_payloads
 from sim_check.render import render_twin
 from sim_check.twin import build_twin, possible_twins, worlds_to_try
 from sim_check.verdict import judge_trajectory
@@ -160,7 +161,7 @@ class TwinCheckedHands:
         cause: FailureCause | None = None
         for path in (plan.path, *plan.alternatives)[:MAX_PATHS_JUDGED]:
             try:
-                trajectory = retime(path, self._robot, self._limits, self._safety)
+                trajectory = retime(path, self._robot, self._limits, self._safety, payloads=held_payloads(twin))
             except RetimingError as error:
                 self._episode.log("retiming_failed", reason=str(error))
                 cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")

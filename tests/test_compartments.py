@@ -14,6 +14,7 @@ from control.rewards import RewardTerm
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.subtasks import posed_objects
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory
 from tests.furniture_scenes import with_cube
 from tests.motion_scenes import arm, only
@@ -32,7 +33,7 @@ def test_a_cube_goes_in_through_open_doors_and_the_doors_stay_open(left, right):
     found = plan(twin)
     assert isinstance(found, MotionPlan), found
     robot = RobotModel.panda()
-    trajectory = retime(found.path, robot, LIMITS, SAFETY)
+    trajectory = retime(found.path, robot, LIMITS, SAFETY, payloads=held_payloads(twin))
     rng = np.random.default_rng(0)
     verdict = judge_trajectory(trajectory, twin, INTO, SAFETY, LIMITS, rng, perturbed=0, nthread=1, robot=robot)
     assert verdict.passed, verdict.failed_checks

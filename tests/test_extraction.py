@@ -18,6 +18,7 @@ from control.safety import SafetyLimits
 from control.subtasks import posed_objects, read_subtask
 from control.twin_model import TwinModel
 from control.workbench import Workbench
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory
 from tests.furniture_scenes import CABINET, barred, furnished
 from tests.motion_scenes import arm, cubes, only, twin_of
@@ -39,7 +40,7 @@ def passes(twin: TwinModel, spec: RewardSpec) -> MotionPlan:
     """A plan whose retimed motion the verdict lets pass in the nominal twin."""
     found = plan(twin, spec)
     assert isinstance(found, MotionPlan), found
-    trajectory = retime(found.path, robot(), LIMITS, SAFETY)
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
     rng = np.random.default_rng(0)
     verdict = judge_trajectory(trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed=0, nthread=1, robot=robot())
     assert verdict.passed, verdict.failed_checks

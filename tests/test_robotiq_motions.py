@@ -18,6 +18,7 @@ from control.rewards import RewardSpec
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.twin_model import TwinModel
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory
 from tests.arc_fingers import use_arc_fingers
 from tests.furniture_scenes import cabinet, lever
@@ -40,7 +41,7 @@ def judge(twin: TwinModel, spec: RewardSpec, perturbed: int):
     """Search, retime and judge."""
     found = search(twin, spec)
     assert isinstance(found, MotionPlan), found
-    trajectory = retime(found.path, robot(), LIMITS, SAFETY)
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
     rng = np.random.default_rng(0)
     return judge_trajectory(trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed, nthread=1, robot=robot())
 
@@ -84,9 +85,10 @@ def test_a_door_and_a_lever_are_driven_by_their_handles(twin, joint, fraction):
 @pytest.mark.parametrize(("width", "height"), [(0.03, 0.03), (0.05, 0.05), (0.078, 0.06)])
 def test_what_was_planned_with_linear_jaws_succeeds_with_fingers_on_the_real_arc(monkeypatch, width, height):
     spec = only("minimize_l2_distance", "box", "crate")
-    found = search(box_and_crate(width, height), spec)
+    twin = box_and_crate(width, height)
+    found = search(twin, spec)
     assert isinstance(found, MotionPlan), found
-    trajectory = retime(found.path, robot(), LIMITS, SAFETY)
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
     use_arc_fingers(monkeypatch, ROBOTIQ_2F85.opening)
     real = box_and_crate(width, height)
     assert real.model.neq == 3  # both arcs and the coupling of the fingers

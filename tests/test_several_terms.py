@@ -12,6 +12,7 @@ from control.rewards import RewardSpec, RewardTerm
 from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.several_terms import stages_of
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory
 from tests.furniture_scenes import cabinet, with_cube
 from tests.motion_scenes import PALM_TO_CUBE, arm, blocked, cubes
@@ -28,7 +29,7 @@ def plan(twin, *terms):
 
 def verdict_on(found, twin, *terms):
     robot = RobotModel.panda()
-    trajectory = retime(found.path, robot, LIMITS, SAFETY)
+    trajectory = retime(found.path, robot, LIMITS, SAFETY, payloads=held_payloads(twin))
     rng, spec = np.random.default_rng(0), RewardSpec(terms)
     return judge_trajectory(trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed=0, nthread=1, robot=robot)
 

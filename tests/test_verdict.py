@@ -13,6 +13,7 @@ from control.robot import RobotModel
 from control.safety import SafetyLimits
 from control.trajectory import JointPath, PathSegment, Trajectory
 from control.transits import straight
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory, wilson_interval
 from tests.motion_scenes import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
 
@@ -28,7 +29,7 @@ def robot():
 def placing() -> Trajectory:
     plan = plan_motion(cubes(), red_on_crate(), SAFETY, np.random.default_rng(0), kinematics=arm(), nthread=1)
     assert isinstance(plan, MotionPlan)
-    return retime(plan.path, robot(), LIMITS, SAFETY)
+    return retime(plan.path, robot(), LIMITS, SAFETY, payloads=held_payloads(cubes()))
 
 
 def judge(trajectory, spec, perturbed=0, seed=0, nthread=1):
@@ -68,7 +69,7 @@ def test_taking_a_ball_out_from_between_close_walls_keeps_every_clearance_while_
     spec, twin = only("maximize_l2_distance", "ball", "bowl", 0.2), ball_in_bowl()
     plan = plan_motion(twin, spec, SAFETY, np.random.default_rng(0), kinematics=arm(), nthread=1)
     assert isinstance(plan, MotionPlan)
-    trajectory = retime(plan.path, robot(), LIMITS, SAFETY)
+    trajectory = retime(plan.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
     rng = np.random.default_rng(0)
     verdict = judge_trajectory(trajectory, twin, spec, SAFETY, LIMITS, rng, perturbed=2, nthread=1, robot=robot())
     assert verdict.passed and verdict.failed_checks == () and verdict.successes == 2
