@@ -21,6 +21,7 @@ from control.trajectory import SAMPLE_TIME, JointPath, Trajectory
 from control.twin_model import TwinModel
 from perception.estimates import ObjectEstimate, SceneEstimate
 from sim_check.cells import CellConfig, load_cell
+from sim_check.payloads import held_payloads
 from sim_check.replay import replay
 from sim_check.twin import build_twin, possible_twins, worlds_to_try
 
@@ -111,7 +112,7 @@ def plan_base(motion: str, seed: int) -> Base | str:
     if not isinstance(plan, MotionPlan):
         return f"{plan.kind}: {plan.message}"
     try:
-        trajectory = retime(plan.path, robot, limits, safety)
+        trajectory = retime(plan.path, robot, limits, safety, payloads=held_payloads(twin))
     except RetimingError as error:
         return f"not retimed: {error}"
     (rollout,), _ = replay(trajectory, [twin], safety.settle_time, nthread=1)
@@ -146,11 +147,12 @@ def warped(trajectory: Trajectory, index: int, factor: float) -> Trajectory:
     first, last = max(segment.start - 1, 0), segment.stop - 1  # the samples at rest on either side
     count = max(2, round((last - first) / factor) + 1)
     spline = CubicSpline(np.arange(first, last + 1) * SAMPLE_TIME, trajectory.q[first : last + 1], bc_type="clamped")
-    at = np.linspace(first, last, count) * SAMPLE_TIME
-    rate = (last - first) / (count - 1)
-    speed, acceleration = spline(at, 1) * rate, spline(at, 2) * rate**2
-    acceleration[[0, -1]] = 0.0  # a spline through samples knows the acceleration at its ends worst
-    return spliced(trajectory, first, last, spline(at), speed, acceleration)
+    q = spline(np.linspace(first, last, count) * SAMPLE_TIME)
+    # Central differences, at rest at the ends: the derivatives that belong to these very samples.
+    qd, qdd = np.zeros_like(q), np.zeros_like(q)
+    qd[1:-1] = (q[2:] - q[:-2]) / (2 * SAMPLE_TIME)
+    qdd[1:-1] = (q[2:] - 2 * q[1:-1] + q[:-2]) / SAMPLE_TIME**2
+    return spliced(trajectory, first, last, q, qd, qdd)
 
 
 def spliced(

@@ -43,6 +43,7 @@ from control.subtasks import posed_objects
 from control.trajectory import Trajectory
 from control.twin_model import TwinModel
 from sim_check.cells import load_cell
+from sim_check.payloads import held_payloads
 from sim_check.replay import replay
 from sim_check.twin import possible_twins, worlds_to_try
 from sim_check.verdict import judge_trajectory
@@ -124,7 +125,7 @@ def run_scene(job: Job, scene: Scene, safety: SafetyLimits) -> tuple[Run, Trajec
         return Run(False, False, False, wall, cpu, 0.0, steps, 0.0, 0.0, f"{plan.kind}: {plan.message}"), None
     begun = time.perf_counter()
     try:
-        trajectory = retime(plan.path, robot, limits, safety)
+        trajectory = retime(plan.path, robot, limits, safety, payloads=held_payloads(scene.believed))
     except RetimingError as error:
         return Run(False, False, False, wall, cpu, 0.0, plan.stats.steps, 0.0, 0.0, f"not retimed: {error}"), None
     verdict = judge_trajectory(

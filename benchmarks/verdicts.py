@@ -37,6 +37,7 @@ from control.certificate import Verdict
 from control.errors import RetimingError
 from control.retime import retime
 from control.trajectory import SAMPLE_TIME, Trajectory
+from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_in_detail
 
 GOOD_TWINS = 6  # perturbed, as in a run
@@ -78,7 +79,8 @@ def good_cases(base: Base, rng: np.random.Generator) -> list[Case]:
     cases.append(replace(own, kind="slower", trajectory=slower))
     for path in base.others[:1]:
         try:
-            cases.append(replace(own, kind="other_way", trajectory=retime(path, base.robot, base.limits, base.safety)))
+            other = retime(path, base.robot, base.limits, base.safety, payloads=held_payloads(base.twin))
+            cases.append(replace(own, kind="other_way", trajectory=other))
         except RetimingError:
             continue
     s = base.safety

@@ -142,6 +142,8 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
         named=purpose.named | {s.name for s in rollout.commands.held},
         subject=purpose.subject,
         handled=purpose.handled,
+        # A motion's own word counts only for what it may move.
+        grasped=frozenset(s.name for s in rollout.commands.handled) & purpose.named,
         supports=purpose.supports,
         expects_release=purpose.releases,
         fractions={

@@ -104,6 +104,7 @@ class TwinMotion:
         named: Objects that the subtask names.
         subject: The object that is handled, or None.
         handled: Objects and joints that may be touched beside it.
+        grasped: What the fingers close on in some stretch: the subject, or what is handled on the way to it.
         supports: Bodies that may carry it: those under it at the start, the terms' targets, the table.
         expects_release: Whether the subject has to be let go at the end.
         clearances: Least distances, or None where they were not looked for.
@@ -120,6 +121,7 @@ class TwinMotion:
     named: frozenset[str] = frozenset()
     subject: str | None = None
     handled: frozenset[str] = frozenset()
+    grasped: frozenset[str] = frozenset()
     supports: frozenset[str] = field(default_factory=lambda: frozenset({TABLE_BODY}))
     expects_release: bool = False
     clearances: Clearances | None = None
@@ -229,7 +231,8 @@ def pressing_force(motion: TwinMotion) -> Worst:
 
     Putting a thing down takes its weight and a little more; a hand that goes on down presses it into what carries it.
     """
-    own = _FINGERS | motion.handled | ({motion.subject} if motion.subject else set()) | {s.name for s in motion.held}
+    own = _FINGERS | motion.handled | motion.grasped | {s.name for s in motion.held}
+    own |= {motion.subject} if motion.subject else set()
 
     def pressing(a: str, b: str) -> bool:
         return (a in own or b in own) and not (a in own and b in own) and a not in _ARM and b not in _ARM

@@ -161,8 +161,7 @@ class TwinCheckedHands:
         cause: FailureCause | None = None
         for path in (plan.path, *plan.alternatives)[:MAX_PATHS_JUDGED]:
             try:
-                payloads = held_payloads(twin)
-                trajectory = retime(path, self._robot, self._limits, self._safety, payloads=payloads)
+                trajectory = retime(path, self._robot, self._limits, self._safety, payloads=held_payloads(twin))
             except RetimingError as error:
                 self._episode.log("retiming_failed", reason=str(error))
                 cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")

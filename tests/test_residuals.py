@@ -197,6 +197,9 @@ def test_what_may_be_handled_beside_the_subject_may_be_touched_and_nothing_else(
 
 def test_a_grip_is_no_pressing_and_fingers_pushed_into_the_table_are():
     assert broken(with_contact(40, "panda_leftfinger", "red_cube", 80.0)) == {}
+    door = replace(with_contact(40, "panda_leftfinger", "door", 80.0), supports=frozenset({"table", "door"}))
+    assert set(broken(door)) == {"pressing_force"}
+    assert broken(replace(door, grasped=frozenset({"door"}))) == {}
     assert set(broken(with_contact(40, "table", "panda_leftfinger", 80.0))) == {"pressing_force"}
 
 
