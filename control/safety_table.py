@@ -47,7 +47,7 @@ class SafetyRow:
 
 _TWIN: dict[str, tuple[Stage, str]] = {
     "tracked_hand_speed": ("replay", "speed of the tool centre point as the twin's arm moves, over 20 ms"),
-    "tracked_hand_angular_speed": ("replay", "the same for the hand's rotation"),
+    "tracked_hand_angular_speed": ("replay", "angular speed of the hand as the twin's arm moves, over 20 ms"),
     "contact_force": ("twin", "force on arm or hand, fingers apart, from anything but the robot"),
     "pressing_force": ("replay", "force on fingers or handled object from anything that is neither"),
     "unwanted_contact": ("twin", "force of a contact outside fingers, handled object and its supports"),
@@ -83,10 +83,15 @@ def safety_table(safety: SafetyLimits | None = None, limits: RobotLimits | None 
     samples: tuple[tuple[str, str, str, tuple[float, ...]], ...] = (
         ("joint_position", "distance to the nearest position limit", "rad", (safety.joint_margin,)),
         ("joint_velocity", f"{speed:.0%} of the published limit{ends}", "rad/s", tuple(limits.qd * speed)),
-        ("joint_acceleration", f"{acceleration:.0%} of it", "rad/s^2", tuple(limits.qdd * acceleration)),
+        (
+            "joint_acceleration",
+            f"{acceleration:.0%} of the published acceleration",
+            "rad/s^2",
+            tuple(limits.qdd * acceleration),
+        ),
         ("joint_jerk", "third difference of the positions", "rad/s^3", tuple(limits.qddd)),
         ("torque", "joint torque by the rigid-body model", "Nm", tuple(limits.tau)),
-        ("torque_rate", "its change per second", "Nm/s", tuple(limits.taud)),
+        ("torque_rate", "change of the joint torque per second", "Nm/s", tuple(limits.taud)),
         (
             "hand_speed",
             "commanded speed of the tool centre point",

@@ -64,15 +64,12 @@ def _as_distance(check: CheckResult, validation: Validation) -> CheckResult | No
         return None
     c = motion.clearances
     asked = float(getattr(validation.safety, check.name))
-    if not check.ok:
-        return replace(check, worst=asked - check.worst, limit=asked)
-    distance = c.distance[part]
-    k = int(np.argmin(distance)) if len(distance) else 0
-    if not len(distance) or not np.isfinite(distance[k]):
+    if not len(c.step) or not np.any(np.isfinite(c.distance[part])):
         return replace(check, worst=math.inf, limit=asked, at=None, bodies=())
-    return replace(
-        check, worst=float(distance[k]), limit=asked, at=float(motion.time[c.step[k]]), bodies=(c.nearest[part][k],)
-    )
+    # By what is asked for: a carried thing that is still on its table lacks nothing, though it is not far from it.
+    k = int(np.argmax(c.lack[part]))
+    at = float(motion.time[c.step[k]])
+    return replace(check, worst=asked - float(c.lack[part][k]), limit=asked, at=at, bodies=(c.bodies[part][k],))
 
 
 def _row(check: CheckResult, row: SafetyRow | None, failures: int | None, nearest: CheckResult | None) -> CheckRow:
@@ -91,7 +88,7 @@ def _row(check: CheckResult, row: SafetyRow | None, failures: int | None, neares
         meaning=meaning,
         unit=unit,
         worst=_number(factor * shown.worst, factor * shown.limit, least),
-        limit=f"{factor * shown.limit:.4g}",
+        limit=f"{factor * shown.limit:.5g}",
         least=least,
         share=share,
         at="" if shown.at is None else f"{shown.at:.3f} s",
@@ -103,12 +100,15 @@ def _row(check: CheckResult, row: SafetyRow | None, failures: int | None, neares
 
 
 def _number(value: float, limit: float, least: bool) -> str:
+    """A value with three digits, or as many as it takes to tell it from its limit."""
     if math.isinf(value):
         return "nothing near" if least else "infinite"
     # What is nothing beside its limit is rounding, not a figure.
     if abs(value) < 1e-4 * abs(limit):
         return "0"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    digits = next((d for d in range(3, 9) if value == limit or float(f"{value:.{d}g}") != float(f"{limit:.{d}g}")), 9)
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text else text
 
 
 def trials_text(validation: Validation) -> str:
@@ -166,7 +166,7 @@ def as_text(validation: Validation, files: dict[str, str]) -> str:
     for r in rows:
         sign = ">=" if r.least else "<="
         where = "  ".join(part for part in (f"at {r.at}" if r.at else "", r.bodies) if part)
-        twins = f"  [broken in {r.failures} twins]" if r.failures not in ("", "0") else ""
+        twins = f"  [broken in {r.failures} twin{'s' * (r.failures != '1')}]" if r.failures not in ("", "0") else ""
         mark = "ok    " if r.ok else "BROKEN"
         lines.append(
             f"  {mark}  {r.name:{width}}  {r.worst:>12} {sign} {r.limit:<8} {r.unit:<8} {where}{twins}".rstrip()

@@ -109,6 +109,13 @@ def test_retiming_makes_a_sound_motion_of_a_sound_path(folder):
     assert shares.max() <= 0.2 + 1e-6 and checks["joint_velocity"].ok
 
 
+def test_the_example_of_the_documentation_is_refused_as_it_is_and_passes_when_it_is_retimed():
+    example = Path(__file__).parents[1] / "docs" / "validate" / "pick.csv"
+    handling = {"handles": ("red_cube",), "touches": ("crate",)}
+    assert "joint_acceleration" in broken(judged(example, **handling))
+    assert judged(example, retime=True, **handling).verdict.passed
+
+
 def test_a_fault_is_named_with_its_moment_and_its_joint(tmp_path, pick):
     q = np.array(pick.q)
     q[3000:, 2] += 0.002  # a step of 2 mrad within one millisecond
