@@ -8,6 +8,9 @@ asked for plus a millimetre.
     detected       the verdict does not pass
     right reason   the check that is meant for the fault is broken, by the right body where there is one
     false alarm    a good motion does not pass
+    unreliable     a planned motion that fails in one of ten worlds, and again in one of ten more, drawn independently
+                   of those that the verdict draws: whether it is good is a matter of chance, so it is told apart,
+                   passed or not
 
 Faults are judged in the nominal twin alone, where they are certain; good motions in six perturbed twins as well, as in
 a run. The time of one verdict is that of a motion of 8 s with 32 perturbed twins on two threads.
@@ -37,11 +40,14 @@ from control.certificate import Verdict
 from control.errors import RetimingError
 from control.retime import retime
 from control.trajectory import SAMPLE_TIME, Trajectory
+from sim_check.judged_replay import Question, judge_replay
 from sim_check.payloads import held_payloads
+from sim_check.twin import possible_twins
 from sim_check.verdict import judge_in_detail
 
 GOOD_TWINS = 6  # perturbed, as in a run
 TIMED_MOTION, TIMED_SECONDS, TIMED_TWINS, TIMED_THREADS = "cube_on_crate", 8.0, 32, 2
+WORLDS = 10  # in which a good motion is played beforehand and keeps everything; or all but one of twice as many
 NEAR = 0.001  # [m] beyond the clearances that are asked for
 
 
@@ -54,6 +60,7 @@ class Judged:
         kind: Fault or kind of good motion.
         fault: Whether it had to be turned down.
         passed: Whether the verdict let it pass.
+        reliable: Whether it is certain to be good, where it is no fault.
         right_reason: Whether the check that is meant for the fault was broken.
         seconds: Wall time of the verdict.
         why: Broken checks.
@@ -66,6 +73,7 @@ class Judged:
     right_reason: bool
     seconds: float
     why: str
+    reliable: bool = True
 
 
 def good_cases(base: Base, rng: np.random.Generator) -> list[Case]:
@@ -97,7 +105,7 @@ def judge_base(motion: str, seed: int) -> list[Judged] | str:
     if isinstance(base, str):
         return f"{motion} {seed}: no motion, {base}"
     rng = np.random.default_rng([seed, *motion.encode()])
-    out = [_judged(base, case, False) for case in good_cases(base, rng)]
+    out = [replace(_judged(base, c, False), reliable=_reliable(c, rng)) for c in good_cases(base, rng)]
     if not out[0].passed:
         return out  # what is not safe as planned is no motion with one fault
     for make in FAULTS.values():
@@ -105,6 +113,18 @@ def judge_base(motion: str, seed: int) -> list[Judged] | str:
         if case is not None:
             out.append(_judged(base, case, True))
     return out
+
+
+def _reliable(case: Case, rng: np.random.Generator) -> bool:
+    """Whether a motion keeps everything in nearly every world that might be, of draws that no verdict sees."""
+    question = Question(case.trajectory, case.spec, frozenset(), case.safety)
+
+    def failures() -> int:
+        worlds = possible_twins(case.twin, rng, WORLDS)
+        return sum(not judge_replay(question, world, nominal=False).kept for world in worlds)
+
+    first = failures()
+    return first == 0 or (first == 1 and failures() == 0)
 
 
 def _judged(base: Base, case: Case, fault: bool) -> Judged:
@@ -186,7 +206,8 @@ def summary(runs: Sequence[Judged]) -> dict[str, Any]:
             "detected": sum(not r.passed for r in of),
             "right_reason": sum(r.right_reason for r in of),
         }
-    good = [r for r in runs if not r.fault]
+    good = [r for r in runs if not r.fault and r.reliable]
+    unreliable = [r for r in runs if not r.fault and not r.reliable]
     kinds = sorted({r.kind for r in good})
     return {
         "faults": faults,
@@ -200,6 +221,11 @@ def summary(runs: Sequence[Judged]) -> dict[str, Any]:
                 }
                 for k in kinds
             },
+        },
+        "unreliable": {
+            "motions": len(unreliable),
+            "refused": sum(not r.passed for r in unreliable),
+            "names": [f"{r.base} {r.kind}" for r in unreliable],
         },
         "missed": [f"{r.base} {r.kind}: {r.why}" for r in runs if r.fault and (r.passed or not r.right_reason)],
         "alarms": [f"{r.base} {r.kind}: {r.why}" for r in good if not r.passed],
@@ -216,6 +242,8 @@ def table(report: dict[str, Any]) -> str:
     lines += ["", f"{'good motions':16} {'motions':>8} {'false alarms':>13}"]
     lines += [f"{name:16} {g['motions']:>8} {g['false_alarms']:>13}" for name, g in report["good"]["kinds"].items()]
     lines += [f"{'all':16} {report['good']['motions']:>8} {report['good']['false_alarms']:>13}"]
+    unreliable = report["unreliable"]
+    lines += [f"unreliable, told apart: {unreliable['motions']}, of which {unreliable['refused']} are refused"]
     lines += [f"missed, or caught by another check: {text}" for text in report["missed"]]
     lines += [f"false alarm: {text}" for text in report["alarms"]]
     lines += [f"no motion: {text}" for text in report["not_planned"]]

@@ -92,7 +92,9 @@ def test_the_report_counts_what_was_found_for_the_right_reason_and_false_alarms(
     one = Judged("lift 0", "jerk", True, False, True, 0.1, "joint_jerk")
     good = Judged("lift 0", "slower", False, True, False, 0.2, "")
     runs = [one, replace(one, right_reason=False), replace(one, passed=True, right_reason=False)]
-    found = summary([*runs, good, replace(good, passed=False)])
+    chance = replace(good, reliable=False, passed=False)
+    found = summary([*runs, good, replace(good, passed=False), chance])
+    assert found["unreliable"] == {"motions": 1, "refused": 1, "names": ["lift 0 slower"]}
     assert found["faults"]["jerk"] == {"motions": 3, "detected": 2, "right_reason": 1}
     assert (found["good"]["motions"], found["good"]["false_alarms"]) == (2, 1)
     assert len(found["missed"]) == 2 and len(found["alarms"]) == 1
