@@ -46,6 +46,7 @@ ROUGHLY = 0.02  # duality gap with which the first result is good enough to star
 TIGHTENED_CENTRE = 0.01  # for `fastest_pace`, when limits were tightened a little
 ROOM = 0.9  # largest squared share of a limit that the pace search starts with
 USED = 0.1  # groups of rows whose largest squared share stays below this in the first result are left out of the second
+USED_AGAIN = 0.5  # the same when limits are tightened, as little changes then
 OVERDONE = 1.005  # by how much more than needed limits are tightened
 
 
@@ -193,9 +194,7 @@ class _PaceSearch:
         pieces = len(self._path.breaks) - 1
         cells = _cells(law.duration, max(COARSE, COARSE_PER_PIECE * pieces))
         coarse = self._warp(law.at, law.duration, cells, None)
-        used = [block.used(block.rows(block.values(coarse.beta))).max(axis=1) for block in self._blocks]
-        keep = [used[0] > USED, np.maximum(used[1], used[2]) > USED]
-        keep[0][0] = True  # the speed
+        keep = self._relevant(coarse.beta, USED)
         cells = _cells(coarse.duration, max(FINE, FINE_PER_PIECE * pieces, int(coarse.duration / LONGEST)))
         return self._warp(coarse.progress, coarse.duration, cells, keep)
 
@@ -207,10 +206,19 @@ class _PaceSearch:
         start, pace = start_law(progress, times)
         self._blocks = row_blocks(self._path, start, self._robot, self._bounds)
         beta = self._slowed(start, pace)
-        blocks = self._blocks
-        if keep is not None and np.any(keep[1]):
-            blocks = (blocks[0].kept(keep[0]), blocks[1].kept(keep[1]), blocks[2].kept(keep[1]))
-        return Warp(start, fastest_pace(blocks, start.cell, beta, ROUGHLY if keep is None else CLOSE))
+        if keep is None:
+            return Warp(start, fastest_pace(self._blocks, start.cell, beta, ROUGHLY))
+        return Warp(start, fastest_pace(self._only(keep), start.cell, beta, CLOSE))
+
+    def _relevant(self, beta: np.ndarray, least: float) -> list[np.ndarray]:
+        """Masks of the groups of each block whose largest squared share at a pace is above the least."""
+        masks = [block.used(beta).max(axis=1) > least for block in self._blocks]
+        masks[0][0] = True  # the speed
+        return masks
+
+    def _only(self, keep: list[np.ndarray]) -> list[RowBlock]:
+        """The blocks with some groups only, without those of which none is kept."""
+        return [block.kept(groups) for block, groups in zip(self._blocks, keep, strict=True) if np.any(groups)]
 
     def _slowed(self, start: StartLaw, beta: np.ndarray) -> np.ndarray:
         """A pace slowed down until it is within all limits."""
@@ -226,11 +234,11 @@ class _PaceSearch:
     def _hopeless(self, start: StartLaw, beta: np.ndarray) -> str:
         """Which limit is broken at a pace so slow that no pace would do, and where."""
         worst, name, cell = 0.0, "", 0
-        for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS, IN_CELLS), strict=True):
-            used = block.used(block.rows(block.values(beta)))
+        for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS), strict=True):
+            used = block.used(beta)
             group, point = np.unravel_index(int(np.argmax(used)), used.shape)
             if used[group, point] > worst:
-                worst, name, cell = float(used[group, point]), _named(*groups[group]), int(point)
+                worst, name, cell = float(used[group, point]), _named(*groups[group]), int(point) % block.places
         s = float(start(np.array([(cell + 0.5) * start.cell]))[0])
         return _no_law(name, float(np.sqrt(worst)), self._path.place(s))
 
@@ -239,19 +247,22 @@ class _PaceSearch:
         start = warp.start
         cells = np.clip((samples.parameter / start.cell).astype(int), 0, start.cells - 1)
         at_nodes, in_cells = samples.by_group()
-        blocks = []
-        for block, shares in zip(self._blocks, (at_nodes, in_cells, in_cells), strict=True):
+        blocks, keep = [], self._relevant(warp.beta, USED_AGAIN)
+        for block, shares, groups in zip(self._blocks, (at_nodes, in_cells), keep, strict=True):
+            groups |= shares.max(axis=0) > 1.0
             factor = np.ones((start.cells, shares.shape[1]))
             np.maximum.at(factor, cells, np.where(shares > 1.0, shares * OVERDONE, 1.0))
             factor = maximum_filter1d(factor, 3, axis=0)
             if block is self._blocks[0]:  # a node belongs to the cells on either side
                 factor = np.maximum(np.concatenate([factor[:1], factor]), np.concatenate([factor, factor[-1:]]))
+            else:
+                factor = np.concatenate([factor, factor])
             blocks.append(replace(block, tight=block.tight * factor.T**2))
         self._blocks = tuple(blocks)
-        beta = warp.beta
+        kept, beta = self._only(keep), warp.beta
         for _ in range(20):
-            if room(self._blocks, beta) <= ROOM:
-                return Warp(start, fastest_pace(self._blocks, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
+            if room(kept, beta) <= ROOM:
+                return Warp(start, fastest_pace(kept, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
             beta = 0.9 * beta
         return None
 
