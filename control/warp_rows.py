@@ -35,7 +35,8 @@ from control.start_law import StartLaw
 # Groups of rows in the order of the blocks: name of the limit, joint (0 to 6) or None.
 _JOINTS = range(7)
 AT_NODES: tuple[tuple[str, int | None], ...] = (
-    ("speed", None),
+    ("joint_velocity", None),
+    ("hand_speed", None),
     *(("joint_acceleration", joint) for joint in _JOINTS),
     *(("torque", joint) for joint in _JOINTS),
     ("hand_acceleration", None),
@@ -47,7 +48,7 @@ IN_CELLS: tuple[tuple[str, int | None], ...] = (
     ("hand_jerk", None),
     ("hand_angular_jerk", None),
 )
-_NODE_SIZES = (1,) * 15 + (3, 3)
+_NODE_SIZES = (1,) * 16 + (3, 3)
 _CELL_SIZES = (1,) * 14 + (3, 3)
 
 
@@ -168,18 +169,18 @@ def row_blocks(path: SmoothPath, start: StartLaw, robot: RobotModel, bounds: Mot
     m, c = robot.torque(q, zero, q1) - g, robot.torque(q, q1, q2) - g
     velocity, acceleration = robot.tcp_motion(q, q1, q2)
 
-    speed = np.max(np.abs(q1) / np.maximum(bounds.joint_speed(q, q1), 1e-9), axis=1)
+    speed = np.zeros((len(s), 2))  # at rest in the first and in the last
+    speed[1:-1, 0] = np.max(np.abs(q1) / np.maximum(bounds.joint_speed(q, q1), 1e-9), axis=1)[1:-1]
     for part, limit in ((velocity[:, :3], bounds.hand[0]), (velocity[:, 3:], bounds.turn[0])):
-        speed = np.maximum(speed, np.linalg.norm(part, axis=1) / limit)
-    speed[[0, -1]] = 0.0  # at rest
+        speed[1:-1, 1] = np.maximum(speed[1:-1, 1], np.linalg.norm(part, axis=1)[1:-1] / limit)
     per_hand = np.repeat([bounds.hand, bounds.turn], 3, axis=0).T  # rows: speed, acceleration, jerk
     nodes = _block(
         np.array([[[0.5, 0.5], [-0.5 / h, 0.5 / h]]]),
         (
-            (speed[:, None] ** 2, q2 / bounds.qdd, c / bounds.tau, acceleration / per_hand[1]),
-            (0.0 * speed[:, None], q1 / bounds.qdd, m / bounds.tau, velocity / per_hand[1]),
+            (speed**2, q2 / bounds.qdd, c / bounds.tau, acceleration / per_hand[1]),
+            (0.0 * speed, q1 / bounds.qdd, m / bounds.tau, velocity / per_hand[1]),
         ),
-        (0.0 * speed[:, None], zero, g / bounds.tau, 0.0 * velocity),
+        (0.0 * speed, zero, g / bounds.tau, 0.0 * velocity),
         _NODE_SIZES,
         rate=False,
     )
