@@ -26,21 +26,28 @@ ORDER = {
 }
 
 
-def sampled_shares(q: np.ndarray, robot: RobotModel, bounds: MotionBounds) -> dict[str, np.ndarray]:
+def sampled_shares(
+    q: np.ndarray, robot: RobotModel, bounds: MotionBounds, look: tuple[np.ndarray, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
     """Shares of the limits by name.
 
     Args:
         q: Samples every millisecond in [rad], shape (n, 7), at rest before the first and after the last one.
         robot: Rigid-body model.
         bounds: What the samples are held to.
+        look: Rows of the result in which torques, and in which the hand, are looked at: masks of shape
+            (n + 2 PADDING,). The rigid-body model is asked for no more than these take; None for all rows.
 
     Returns:
         By the names of `ORDER`, arrays of shape (n + 2 PADDING, 7) for joints and (n + 2 PADDING, 1) for the hand: row
-        k is of the difference that ends at sample k - PADDING. 1 is the limit.
+        k is of the difference that ends at sample k - PADDING. 1 is the limit. Rows that are not looked at are 0, or
+        what neighbouring rows happen to tell.
     """
     rest = np.concatenate([np.repeat(q[:1], PADDING, 0), q, np.repeat(q[-1:], PADDING, 0)])
     qd, qdd, qddd = _differences(rest)
-    tau = robot.torque(rest, qd, qdd)
+    for_torque, for_hand = (slice(None), slice(None)) if look is None else (_reached(mask) for mask in look)
+    tau = np.full_like(rest, np.nan)
+    tau[for_torque] = robot.torque(rest[for_torque], qd[for_torque], qdd[for_torque])
     before = np.concatenate([rest[:1], rest[:-1]])
     speed = np.minimum(bounds.joint_speed(rest, qd), bounds.joint_speed(before, qd))
     shares = {
@@ -50,7 +57,8 @@ def sampled_shares(q: np.ndarray, robot: RobotModel, bounds: MotionBounds) -> di
         "torque": np.abs(tau) / bounds.tau,
         "torque_rate": np.abs(_differences(tau)[0]) / bounds.taud,
     }
-    poses = robot.tcp_poses(rest)
+    poses = np.full((len(rest), 4, 4), np.nan)
+    poses[for_hand] = robot.tcp_poses(rest[for_hand])
     velocity, acceleration, jerk = _differences(poses[:, :3, 3])
     turn = _turning(poses[:, :3, :3]) / SAMPLE_TIME
     turns = (turn, *_differences(turn)[:2])
@@ -60,7 +68,15 @@ def sampled_shares(q: np.ndarray, robot: RobotModel, bounds: MotionBounds) -> di
         shares[f"hand_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
     for name, values, limit in zip(("speed", "acceleration", "jerk"), turns, bounds.turn, strict=True):
         shares[f"hand_angular_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
-    return shares
+    return shares if look is None else {name: np.nan_to_num(share, copy=False) for name, share in shares.items()}
+
+
+def _reached(rows: np.ndarray) -> np.ndarray:
+    """Mask of the samples that backward differences up to the third reach from the rows of a mask."""
+    out = rows.copy()
+    for back in range(1, PADDING + 1):
+        out[:-back] |= rows[back:]
+    return out
 
 
 def _differences(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

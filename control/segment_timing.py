@@ -6,17 +6,18 @@ In this order:
 2. the fastest time law without limits on jerk and torque rate (`control.path_dynamics`), blurred into a start law;
 3. the pace at which the start law is fastest under all limits (`control.warp_rows`, `control.warp`), twice: the first
    result is the start law of the second, on finer cells;
-4. every millisecond is checked by finite differences with the rigid-body model; where limits are broken between the
-   points at which 3 looks, they are tightened and 3 is repeated once;
+4. every millisecond is checked by finite differences, with the rigid-body model where 3 came near a limit that takes
+   it; where limits are broken between the points at which 3 looks, they are tightened and 3 is repeated;
 5. if anything is still broken, the time law is stretched uniformly. Velocity falls with the stretch, acceleration with
-   its square, jerk with its cube, and what remains of torque is gravity: so this ends.
+   its square, jerk with its cube, and what remains of torque is gravity: so this ends. The last check has the
+   rigid-body model at every millisecond.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import binary_dilation, maximum_filter1d
 
 from control.errors import RetimingError
 from control.limits import RobotLimits
@@ -45,7 +46,9 @@ MOST_CELLS = 2000  # a limit on memory
 ROUGHLY = 0.02  # duality gap with which the first result is good enough to start the second
 TIGHTENED_CENTRE = 0.01  # for `fastest_pace`, when limits were tightened a little
 ROOM = 0.9  # largest squared share of a limit that the pace search starts with
-USED = 0.1  # groups of rows whose largest squared share stays below this in the first result are left out of the second
+USED = 0.3  # groups of rows whose largest squared share stays below this in the first result are left out of the second
+USED_AGAIN = 0.5  # the same when limits are tightened, as little changes then
+NEAR = 0.5  # squared share of a limit in a row from which the samples around it are looked at with the model
 OVERDONE = 1.005  # by how much more than needed limits are tightened
 
 
@@ -144,24 +147,33 @@ def _timed(
     law = dynamics.fastest_law()
     search = _PaceSearch(path, robot, bounds)
     warp = search.first(law)
-    samples = _Samples.of(warp, 1.0, segment.q, path, robot, bounds)
-    best, last = (warp, samples), (warp, samples)
+
+    def sampled(warp: Warp, stretch: float, near: _Near | None) -> _Samples:
+        return _Samples.of(warp, stretch, near, segment.q, path, robot, bounds)
+
+    near = search.near(warp)
+    samples = sampled(warp, 1.0, near)
+    best, last = (warp, near, samples), (warp, near, samples)
     for k in range(TIGHTENED):
-        if best[1].needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN):
+        if best[2].needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN):
             break
-        other = search.tightened(*last)
+        other = search.tightened(last[0], last[2])
         if other is None:
             break
-        last = other, _Samples.of(other, 1.0, segment.q, path, robot, bounds)
-        best = min(best, last, key=lambda pair: pair[0].duration * max(pair[1].needed, 1.0))
-    warp, samples = best
+        near = search.near(other)
+        last = other, near, sampled(other, 1.0, near)
+        best = min(best, last, key=lambda found: found[0].duration * max(found[2].needed, 1.0))
+    warp, near, samples = best
     stretch = 1.0
-    while samples.needed > 1.0:
-        stretch *= min(1.25, max(1.0005, samples.needed))
+    while samples.needed > 1.0 or near is not None:
+        if samples.needed <= 1.0:
+            near = None  # the last word has the model at every sample
+        else:
+            stretch *= min(1.25, max(1.0005, samples.needed))
         if stretch > MAX_STRETCH:
             name, share, s = samples.worst
             raise RetimingError(_no_law(name, share, path.place(s)))
-        samples = _Samples.of(warp, stretch, segment.q, path, robot, bounds)
+        samples = sampled(warp, stretch, near)
     duration = (len(samples.q) - 1) * SAMPLE_TIME
     return samples.q[1:], SegmentReport(segment.name, duration, law.duration, path.deviation, stretch)
 
@@ -175,6 +187,14 @@ def _no_law(name: str, share: float, place: str) -> str:
 
 def _named(limit: str, joint: int | None) -> str:
     return limit if joint is None else f"{limit} of joint {joint + 1}"
+
+
+@dataclass(frozen=True)
+class _Near:
+    """Cells of a start law in which torques, and the hand, come near their limits: masks of shape (cells,)."""
+
+    torque: np.ndarray
+    hand: np.ndarray
 
 
 class _PaceSearch:
@@ -193,9 +213,7 @@ class _PaceSearch:
         pieces = len(self._path.breaks) - 1
         cells = _cells(law.duration, max(COARSE, COARSE_PER_PIECE * pieces))
         coarse = self._warp(law.at, law.duration, cells, None)
-        used = [block.used(block.rows(block.values(coarse.beta))).max(axis=1) for block in self._blocks]
-        keep = [used[0] > USED, np.maximum(used[1], used[2]) > USED]
-        keep[0][0] = True  # the speed
+        keep = self._relevant(coarse.beta, USED)
         cells = _cells(coarse.duration, max(FINE, FINE_PER_PIECE * pieces, int(coarse.duration / LONGEST)))
         return self._warp(coarse.progress, coarse.duration, cells, keep)
 
@@ -207,10 +225,19 @@ class _PaceSearch:
         start, pace = start_law(progress, times)
         self._blocks = row_blocks(self._path, start, self._robot, self._bounds)
         beta = self._slowed(start, pace)
-        blocks = self._blocks
-        if keep is not None and np.any(keep[1]):
-            blocks = (blocks[0].kept(keep[0]), blocks[1].kept(keep[1]), blocks[2].kept(keep[1]))
-        return Warp(start, fastest_pace(blocks, start.cell, beta, ROUGHLY if keep is None else CLOSE))
+        if keep is None:
+            return Warp(start, fastest_pace(self._blocks, start.cell, beta, ROUGHLY))
+        return Warp(start, fastest_pace(self._only(keep), start.cell, beta, CLOSE))
+
+    def _relevant(self, beta: np.ndarray, least: float) -> list[np.ndarray]:
+        """Masks of the groups of each block whose largest squared share at a pace is above the least."""
+        masks = [block.used(beta).max(axis=1) > least for block in self._blocks]
+        masks[0][:2] = True  # speeds
+        return masks
+
+    def _only(self, keep: list[np.ndarray]) -> list[RowBlock]:
+        """The blocks with some groups only, without those of which none is kept."""
+        return [block.kept(groups) for block, groups in zip(self._blocks, keep, strict=True) if np.any(groups)]
 
     def _slowed(self, start: StartLaw, beta: np.ndarray) -> np.ndarray:
         """A pace slowed down until it is within all limits."""
@@ -226,32 +253,48 @@ class _PaceSearch:
     def _hopeless(self, start: StartLaw, beta: np.ndarray) -> str:
         """Which limit is broken at a pace so slow that no pace would do, and where."""
         worst, name, cell = 0.0, "", 0
-        for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS, IN_CELLS), strict=True):
-            used = block.used(block.rows(block.values(beta)))
+        for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS), strict=True):
+            used = block.used(beta)
             group, point = np.unravel_index(int(np.argmax(used)), used.shape)
             if used[group, point] > worst:
-                worst, name, cell = float(used[group, point]), _named(*groups[group]), int(point)
+                worst, name, cell = float(used[group, point]), _named(*groups[group]), int(point) % block.places
         s = float(start(np.array([(cell + 0.5) * start.cell]))[0])
         return _no_law(name, float(np.sqrt(worst)), self._path.place(s))
+
+    def near(self, warp: Warp) -> _Near:
+        """Where the rows at a warp come near the limits that take the rigid-body model."""
+        nodes, cells = (block.used(warp.beta) > NEAR for block in self._blocks)
+        masks = []
+        for names in (("torque", "torque_rate"), ("hand_",)):
+            at_node, in_cell = (
+                np.any(used[[name.startswith(names) for name, _ in groups]], axis=0)
+                for used, groups in ((nodes, AT_NODES), (cells, IN_CELLS))
+            )
+            ends = at_node[:-1] | at_node[1:] | in_cell[: warp.start.cells] | in_cell[warp.start.cells :]
+            masks.append(binary_dilation(ends))
+        return _Near(masks[0], masks[1])
 
     def tightened(self, warp: Warp, samples: "_Samples") -> Warp | None:
         """The fastest warp with limits tightened where samples break them; None where that leaves no room."""
         start = warp.start
-        cells = np.clip((samples.parameter / start.cell).astype(int), 0, start.cells - 1)
+        cells = start.cells_at(samples.parameter)
         at_nodes, in_cells = samples.by_group()
-        blocks = []
-        for block, shares in zip(self._blocks, (at_nodes, in_cells, in_cells), strict=True):
+        blocks, keep = [], self._relevant(warp.beta, USED_AGAIN)
+        for block, shares, groups in zip(self._blocks, (at_nodes, in_cells), keep, strict=True):
+            groups |= shares.max(axis=0) > 1.0
             factor = np.ones((start.cells, shares.shape[1]))
             np.maximum.at(factor, cells, np.where(shares > 1.0, shares * OVERDONE, 1.0))
             factor = maximum_filter1d(factor, 3, axis=0)
             if block is self._blocks[0]:  # a node belongs to the cells on either side
                 factor = np.maximum(np.concatenate([factor[:1], factor]), np.concatenate([factor, factor[-1:]]))
+            else:
+                factor = np.concatenate([factor, factor])
             blocks.append(replace(block, tight=block.tight * factor.T**2))
         self._blocks = tuple(blocks)
-        beta = warp.beta
+        kept, beta = self._only(keep), warp.beta
         for _ in range(20):
-            if room(self._blocks, beta) <= ROOM:
-                return Warp(start, fastest_pace(self._blocks, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
+            if room(kept, beta) <= ROOM:
+                return Warp(start, fastest_pace(kept, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
             beta = 0.9 * beta
         return None
 
@@ -281,6 +324,7 @@ class _Samples:
         cls,
         warp: Warp,
         stretch: float,
+        near: _Near | None,
         waypoints: np.ndarray,
         path: SmoothPath,
         robot: RobotModel,
@@ -294,16 +338,21 @@ class _Samples:
         q = np.concatenate([q[:1], q, q[-1:]])  # one sample of rest makes the joins exact
         # A second or third difference is of one or one and a half milliseconds earlier.
         rows = np.clip(np.arange(-PADDING, len(q) + PADDING) - 2, 0, steps)
-        return cls(q, parameter[rows], s[rows], sampled_shares(q, robot, bounds))
+        look = None
+        if near is not None:
+            cells = warp.start.cells_at(parameter[rows])
+            look = near.torque[cells], near.hand[cells]
+        return cls(q, parameter[rows], s[rows], sampled_shares(q, robot, bounds, look))
 
     def by_group(self) -> tuple[np.ndarray, np.ndarray]:
         """Shares in the order of `AT_NODES` and of `IN_CELLS`, each (n + 2 PADDING, groups)."""
         x = self.shares
         # A share of speed counts with the square, as the rows bound the square.
-        speed = np.max(np.hstack([x["joint_velocity"], x["hand_speed"], x["hand_angular_speed"]]), axis=1) ** 2
+        joints = np.max(x["joint_velocity"], axis=1) ** 2
+        hand = np.maximum(x["hand_speed"], x["hand_angular_speed"])[:, 0] ** 2
         nodes = ("joint_acceleration", "torque", "hand_acceleration", "hand_angular_acceleration")
         cells = ("joint_jerk", "torque_rate", "hand_jerk", "hand_angular_jerk")
-        return np.hstack([speed[:, None], *(x[n] for n in nodes)]), np.hstack([x[n] for n in cells])
+        return np.hstack([joints[:, None], hand[:, None], *(x[n] for n in nodes)]), np.hstack([x[n] for n in cells])
 
     @property
     def needed(self) -> float:

@@ -31,6 +31,10 @@ class StartLaw:
         """Number of cells."""
         return len(self.coefficients) - 3
 
+    def cells_at(self, p: np.ndarray) -> np.ndarray:
+        """Which cell p in [s] is in, shape (k,)."""
+        return np.clip((p / self.cell).astype(int), 0, self.cells - 1)
+
     def at_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Progress and its first two derivatives at the nodes, shape (n + 1,), and the third in cells, shape (n,)."""
         before, here, after = self.coefficients[:-2], self.coefficients[1:-1], self.coefficients[2:]

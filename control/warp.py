@@ -17,9 +17,10 @@ Source: Nocedal and Wright, "Numerical Optimization", 2nd edition, chapter 19.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
+from scipy.linalg import lapack
 
 from control.start_law import StartLaw
 from control.warp_rows import RowBlock
@@ -38,7 +39,7 @@ _GAUSS = np.polynomial.legendre.leggauss(3)
 def room(blocks: Sequence[RowBlock], beta: np.ndarray) -> float:
     """Largest squared length of any group at an even pace in the end cells: below 1 all limits are kept."""
     beta = _even_ends(beta)
-    return max(float(block.used(block.rows(block.values(beta))).max()) for block in blocks)
+    return max(float(block.used(beta).max()) for block in blocks)
 
 
 def fastest_pace(
@@ -72,11 +73,10 @@ def fastest_pace(
     multipliers = [mu / x.slack for x in state]
     for _ in range(ITERATIONS):
         matrix, gradient = np.zeros((3, len(beta))), -0.5 * weight * beta**-1.5
-        matrix[2] = 0.75 * weight * beta**-2.5
+        matrix[2] = -1.5 * gradient / beta
         pushes = [x.add_to(matrix, gradient, y, mu) for x, y in zip(state, multipliers, strict=True)]
-        try:
-            step = _solve_tied(matrix, -gradient)
-        except LinAlgError:  # lost to rounding: what was reached is as good as it gets
+        step = _solve_tied(matrix, -gradient)
+        if step is None:  # lost to rounding: what was reached is as good as it gets
             break
         primal, dual = min(1.0, 0.9 / max(float(np.max(-step / beta)), 1e-12)), 1.0
         changes = []
@@ -121,66 +121,126 @@ def _even_ends(beta: np.ndarray) -> np.ndarray:
     return beta
 
 
-def _solve_tied(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve a system of five diagonals, upper form, in which the first three unknowns are equal, and the last three."""
+def _solve_tied(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """Solve a system of five diagonals, upper form, in which the first three unknowns are equal, and the last three.
+
+    Returns:
+        The unknowns, or None where the matrix is not positive definite.
+    """
     merged = matrix[:, 2:-2].copy()
     merged[2, 0] += matrix[2, 0] + matrix[2, 1] + 2.0 * (matrix[1, 1] + matrix[1, 2] + matrix[0, 2])
     merged[1, 1] += matrix[0, 3]
     merged[2, -1] += matrix[2, -2] + matrix[2, -1] + 2.0 * (matrix[1, -2] + matrix[1, -1] + matrix[0, -1])
     merged[1, -1] += matrix[0, -2]
     summed = np.concatenate([[right[:3].sum()], right[3:-3], [right[-3:].sum()]])
-    step = solveh_banded(merged, summed, check_finite=False)
+    _, step, failed = lapack.dpbsv(merged, summed)
+    if failed:
+        return None
     return np.concatenate([[step[0]] * 2, step, [step[-1]] * 2])
 
 
 @dataclass(frozen=True)
+class _Push:
+    """How the slacks of one block fall with the values u of the spline: v = lever * direction for scalar groups.
+
+    Attributes:
+        lever: Shape (scalars, n).
+        directions: dw / du less the factor sqrt(b), k arrays of shape (r, n).
+        vectors: v of the groups that are vectors, k arrays of shape (groups - scalars, n).
+    """
+
+    lever: np.ndarray
+    directions: tuple[np.ndarray, ...]
+    vectors: list[np.ndarray]
+
+
+@dataclass(frozen=True)
 class _State:
-    """Rows of one block at one point of the iteration: values u of the spline, rows w, slacks of the groups."""
+    """Rows of one block at one point of the iteration.
+
+    Attributes:
+        block: Which.
+        u: Values of the spline, shape (k, n).
+        linear: Rows without the factor sqrt(b), shape (r, n).
+        squares: Squared lengths of the groups, tightened, shape (groups, n).
+        slack: Of the groups, shape (groups, n).
+    """
 
     block: RowBlock
-    u: list[np.ndarray]
-    w: np.ndarray
+    u: np.ndarray
+    linear: np.ndarray
+    squares: np.ndarray
     slack: np.ndarray
 
     @classmethod
     def of(cls, block: RowBlock, beta: np.ndarray) -> "_State":
         u = block.values(beta)
-        w = block.rows(u)
-        return cls(block, u, w, 0.5 * (1.0 - block.used(w)))
+        linear = block.linear(u)
+        squares = block.squares(linear, u)
+        return cls(block, u, linear, squares, 0.5 - 0.5 * squares)
 
-    def add_to(self, matrix: np.ndarray, gradient: np.ndarray, multiplier: np.ndarray, mu: float) -> list[np.ndarray]:
-        """Add this block's part to the banded matrix and the gradient; returns v by value of the spline."""
-        block, n = self.block, self.slack.shape[1]
-        jacobian = list(block.coefficients)
+    def add_to(self, matrix: np.ndarray, gradient: np.ndarray, multiplier: np.ndarray, mu: float) -> _Push:
+        """Add this block's part to the banded matrix and the gradient; returns v by value of the spline.
+
+        A scalar's J^T J and v v^T are multiples of the same product, so they are added as one.
+        """
+        block, n, scalars = self.block, self.slack.shape[1], self.block.scalars
+        directions = block.coefficients
+        tight = block.tight * self.u[0] if block.rate else block.tight
         if block.rate:
-            root = np.sqrt(self.u[0])
-            jacobian = [c * root for c in jacobian]
-            jacobian[0] += 0.5 * self.w / self.u[0]
-        push = [block.grouped(self.w * j) * block.tight for j in jacobian]
-        weight = np.repeat(multiplier * block.tight, block.sizes, axis=0)
+            directions = (directions[0] + self.linear * (0.5 / self.u[0]), *directions[1:])
         pull, centre = multiplier / self.slack, mu / self.slack
-        k = len(jacobian)
-        local, slope = np.empty((k, k, n)), np.empty((k, n))
-        for i in range(k):
-            weighted, pulled = weight * jacobian[i], pull * push[i]
+        straight = multiplier * tight
+        lever = tight[:scalars] * self.linear[:scalars]
+        weight = straight[:scalars] + pull[:scalars] * lever**2
+        slant = centre[:scalars] * lever
+        vectors = []
+        if scalars < len(self.slack):
+            vectors = [tight[scalars:] * _dots(self.linear[scalars:], d[scalars:]) for d in directions]
+        k = len(directions)
+        products, slope = np.empty((k * (k + 1) // 2, n)), np.empty((k, n))
+        row = 0
+        for i, direction in enumerate(directions):
+            slope[i] = np.einsum("rn,rn->n", slant, direction[:scalars])
+            weighted = weight * direction[:scalars]
+            if vectors:
+                slope[i] += np.einsum("gn,gn->n", centre[scalars:], vectors[i])
+                pulled = pull[scalars:] * vectors[i]
             for j in range(i, k):
-                local[i, j] = local[j, i] = np.einsum("rn,rn->n", weighted, jacobian[j]) + np.einsum(
-                    "gn,gn->n", pulled, push[j]
-                )
-            slope[i] = np.einsum("gn,gn->n", centre, push[i])
-        stencil = block.stencil
-        width = stencil.shape[1]
-        spread = (np.kron(stencil, stencil).T @ local.reshape(k * k, n)).reshape(width, width, n)
+                products[row] = np.einsum("rn,rn->n", weighted, directions[j][:scalars])
+                if vectors:
+                    dots = _dots(direction[scalars:], directions[j][scalars:])
+                    products[row] += np.einsum("gn,gn->n", straight[scalars:], dots)
+                    products[row] += np.einsum("gn,gn->n", pulled, vectors[j])
+                row += 1
+        ends, _, width = block.stencil.shape
+        places = block.places
+        spread = block.spreading @ products.reshape(-1, places)
+        falls = np.einsum("ekj,ken->jn", block.stencil, slope.reshape(k, ends, places))
+        row = 0
         for a in range(width):
-            gradient[a : a + n] += stencil[:, a] @ slope
+            gradient[a : a + places] += falls[a]
             for b in range(a, width):
-                matrix[2 - (b - a), b : b + n] += spread[a, b]
-        return push
+                matrix[2 - (b - a), b : b + places] += spread[row]
+                row += 1
+        return _Push(lever, directions, vectors)
 
-    def towards(self, step: np.ndarray, push: list[np.ndarray]) -> np.ndarray:
+    def towards(self, step: np.ndarray, push: _Push) -> np.ndarray:
         """By how much a step of the coefficients takes slack away, to first order."""
         change = self.block.values(step)
-        return sum(p * c for p, c in zip(push, change, strict=True))  # type: ignore[return-value]
+        scalars = len(push.lever)
+        total = push.directions[0][:scalars] * change[0]
+        for direction, x in zip(push.directions[1:], change[1:], strict=True):
+            total += direction[:scalars] * x
+        total *= push.lever
+        if not push.vectors:
+            return total
+        return np.concatenate([total, sum(v * x for v, x in zip(push.vectors, change, strict=True))])
+
+
+def _dots(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Products of vectors of three, (3 g, n) each, shape (g, n)."""
+    return (left * right).reshape(-1, 3, left.shape[1]).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -195,6 +255,7 @@ class Warp:
     start: StartLaw
     beta: np.ndarray
 
+    @cached_property
     def passed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Times t in [s] at which the parts of cells begin and end, and p, p', p'' there, each of shape (k,)."""
         n, h = self.start.cells, self.start.cell
@@ -218,11 +279,11 @@ class Warp:
     @property
     def duration(self) -> float:
         """From rest to rest in [s]."""
-        return float(self.passed()[0][-1])
+        return float(self.passed[0][-1])
 
     def parameter(self, t: np.ndarray) -> np.ndarray:
         """p at times in [s], shape (k,), by polynomials that agree with p, p' and p'' at both ends of each part."""
-        times, p, speed, bend = self.passed()
+        times, p, speed, bend = self.passed
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         length = times[k + 1] - times[k]
         y = np.clip((t - times[k]) / length, 0.0, 1.0)
