@@ -3,7 +3,6 @@
 Contacts are recomputed from recorded states (`mj_forward`), only for motions that are worth it and at a stride.
 """
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -93,33 +92,18 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
     followed = np.array([*bodies.values(), *moving], int)
     names = contact_names(model, frozenset(bodies) | {j.body for j in twin.joints})
     # Contacts between things at rest on each other are nobody's business and most of the work.
-    acting = {*ARM_BODIES, HAND_BODY, *FINGER_BODIES, *purpose.handled, purpose.subject}
-    acts = np.array([n in acting for n in names])
-    steps, pairs, forces = [], [], []
-    force = np.zeros(6)
+    acting = frozenset({*ARM_BODIES, HAND_BODY, *FINGER_BODIES, *purpose.handled, purpose.subject or ""})
+    touched = _Touched(names, acting)
     # All poses are kept as they come: what is made of them is cheaper for all rows together.
     went = {name: np.empty((len(rows), *getattr(data, name).shape)) for name in POSES}
     copies = [(went[name], getattr(data, name)) for name in POSES]
+    qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
     for k, row in enumerate(rows.tolist()):
-        data.qpos[:], data.qvel[:], data.ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
+        qpos[:], qvel[:], ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
         mujoco.mj_forward(model, data)
         for into, now in copies:
             into[k] = now
-        geoms = data.contact.geom
-        touches = acts[geoms]
-        if not touches.any():
-            continue
-        for i in np.flatnonzero(touches.any(axis=1)).tolist():
-            a, b = names[geoms[i, 0]], names[geoms[i, 1]]
-            if a == b:
-                continue
-            mujoco.mj_contactForce(model, data, i, force)
-            x, y, z = force[:3].tolist()
-            size = math.sqrt(x * x + y * y + z * z)
-            if size > FORCE_FLOOR:
-                steps.append(k)
-                pairs.append((a, b))
-                forces.append(size)
+        touched.add(data)
     site = model.site(TCP_SITE).id
     tcp = _poses(went["site_xpos"][:, site], went["site_xmat"][:, site])
     places = [_poses(went["xpos"][:, body], went["xmat"][:, body]) for body in followed.tolist()]
@@ -133,7 +117,7 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
         time=rollout.time[rows],
         tcp=tcp,
         objects=dict(zip(bodies, places, strict=False)),
-        contacts=Contacts(np.array(steps, int), tuple(pairs), np.array(forces)),
+        contacts=touched.contacts(),
         held=tuple(
             HeldSpan(s.name, int(np.searchsorted(rows, s.start)), int(np.searchsorted(rows, s.stop)))
             for s in rollout.commands.held
@@ -153,6 +137,53 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
         handles=handles,
         robot=RobotTrack(robot.bodies, robot.radius, track),
     )
+
+
+class _Touched:
+    """Collects contacts state by state as MuJoCo keeps them and reads them all together: far cheaper than one by one.
+
+    Args:
+        names: For each geom the name that its contacts are reported under.
+        acting: Names of which a contact needs one to be kept.
+    """
+
+    def __init__(self, names: list[str], acting: frozenset[str]) -> None:
+        self._known, self._code = np.unique(np.array(names), return_inverse=True)
+        self._acts = np.array([name in acting for name in names])
+        self._geoms, self._addresses, self._dims = [], [], []
+        self._rows: list[np.ndarray] = []
+
+    def add(self, data: mujoco.MjData) -> None:
+        """Keep the contacts of the next state; forces must be up to date."""
+        contact = data.contact
+        self._geoms.append(contact.geom.copy())
+        self._addresses.append(contact.efc_address.copy())
+        self._dims.append(contact.dim.copy())
+        self._rows.append(data.efc_force.copy())
+
+    def contacts(self) -> Contacts:
+        """What was kept, without contacts that are weaker than `FORCE_FLOOR`; a step is the number of a state.
+
+        With elliptic friction cones, which our robots' models have, the first rows of a contact's constraint force are
+        its normal and its two tangential forces (MuJoCo documentation, "Computation", section "Contact").
+        """
+        counts = [len(a) for a in self._addresses]
+        step = np.repeat(np.arange(len(counts)), counts)
+        geoms, address = np.concatenate(self._geoms).reshape(-1, 2), np.concatenate(self._addresses)
+        first = np.cumsum([0, *(len(r) for r in self._rows)])[:-1]
+        code = self._code[geoms]
+        # A contact that takes part in no constraint has no address.
+        kept = np.flatnonzero(self._acts[geoms].any(axis=1) & (code[:, 0] != code[:, 1]) & (address >= 0))
+        step, code, at = step[kept], code[kept], first[step[kept]] + address[kept]
+        sliding = np.concatenate(self._dims)[kept] > 1
+        rows = np.concatenate([*self._rows, np.zeros(2)])  # two more, for a last contact without friction
+        x, y, z = rows[at], np.where(sliding, rows[at + 1], 0.0), np.where(sliding, rows[at + 2], 0.0)
+        force = np.sqrt(x * x + y * y + z * z)
+        felt = np.flatnonzero(force > FORCE_FLOOR)
+        own, pair = np.unique(code[felt, 0] * len(self._known) + code[felt, 1], return_inverse=True)
+        first_name, second_name = self._known[own // len(self._known)], self._known[own % len(self._known)]
+        pairs = tuple(zip(first_name.tolist(), second_name.tolist(), strict=True))
+        return Contacts(step[felt], pairs, pair, force[felt])
 
 
 def contact_names(model: mujoco.MjModel, objects: frozenset[str]) -> list[str]:

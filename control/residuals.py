@@ -51,12 +51,14 @@ class Contacts:
 
     Attributes:
         step: Index of the sample, int, shape (k,).
-        bodies: Names of the two bodies, k pairs.
+        pairs: Names of two bodies, the pairs that touch at some time.
+        pair: Which of these pairs touches, int, shape (k,).
         force: Magnitude in [N], shape (k,).
     """
 
     step: np.ndarray
-    bodies: tuple[tuple[str, str], ...]
+    pairs: tuple[tuple[str, str], ...]
+    pair: np.ndarray
     force: np.ndarray
 
 
@@ -379,18 +381,17 @@ def _window(motion: TwinMotion, seconds: float) -> int:
 def _worst_contact(motion: TwinMotion, counts: Callable[[str, str], bool], since: float = -np.inf) -> Worst:
     """Largest force over the contacts that count; forces of one pair of bodies at one time add up."""
     c = motion.contacts
-    verdicts = {pair: counts(*pair) for pair in set(c.bodies)}
-    if not any(verdicts.values()):
+    counted = np.array([counts(*pair) for pair in c.pairs], bool)
+    if not counted.any():
         return Worst()
-    sums: dict[tuple[int, tuple[str, str]], float] = {}
-    for step, pair, force in zip(c.step, c.bodies, c.force, strict=True):
-        if verdicts[pair] and motion.time[step] >= since:
-            key = (int(step), pair)
-            sums[key] = sums.get(key, 0.0) + float(force)
-    if not sums:
+    rows = np.flatnonzero(counted[c.pair] & (motion.time[c.step] >= since))
+    if not len(rows):
         return Worst()
-    step, pair = max(sums, key=lambda k: sums[k])
-    return Worst(sums[step, pair], float(motion.time[step]), pair)
+    keys, key = np.unique(c.step[rows] * len(c.pairs) + c.pair[rows], return_inverse=True)
+    sums = np.bincount(key, c.force[rows])
+    worst = int(np.argmax(sums))
+    step, pair = divmod(int(keys[worst]), len(c.pairs))
+    return Worst(float(sums[worst]), float(motion.time[step]), c.pairs[pair])
 
 
 def _worst_unnamed(motion: TwinMotion, measure: Callable[[np.ndarray], np.ndarray]) -> Worst:

@@ -46,17 +46,18 @@ class RobotPoints:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         owners = {model.body(name).id: name for name in (*ARM_BODIES[1:], HAND_BODY, *FINGER_BODIES)}
-        geoms, local, radius, bodies = [], [], [], []
+        local, radius, bodies = [], [], []
+        self._spans: list[tuple[int, slice]] = []  # points of each geom
         for geom in range(model.ngeom):
             body = int(model.geom_bodyid[geom])
             if body not in owners or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
                 continue
             points, around = _points(model, geom)
-            geoms += [geom] * len(points)
+            self._spans.append((geom, slice(len(local), len(local) + len(points))))
             local += points
             radius += [around] * len(points)
             bodies += [owners[body]] * len(points)
-        self._geoms, self._local = np.array(geoms, int), np.array(local).reshape(-1, 3)
+        self._local = np.array(local).reshape(-1, 3)
         self._site = model.site(TCP_SITE).id
         self.bodies = (*bodies, HAND_BODY)
         self.radius = np.array([*radius, 0.0])
@@ -68,10 +69,11 @@ class RobotPoints:
     def along(self, geom_xpos: np.ndarray, geom_xmat: np.ndarray, site_xpos: np.ndarray) -> np.ndarray:
         """Points in the world in [m], shape (n, k, 3), from n rows of these fields of `mujoco.MjData`."""
         out = np.empty((len(geom_xpos), len(self.bodies), 3))
-        for geom in np.unique(self._geoms):
-            points = np.flatnonzero(self._geoms == geom)
-            rotation = geom_xmat[:, geom].reshape(-1, 3, 3)
-            out[:, points] = geom_xpos[:, None, geom] + self._local[points] @ rotation.transpose(0, 2, 1)
+        n = len(geom_xpos)
+        for geom, points in self._spans:
+            # One product for all rows at once; their transposes come out, (n, 3, points).
+            turned = (geom_xmat[:, geom].reshape(-1, 3) @ self._local[points].T).reshape(n, 3, -1)
+            np.add(turned.transpose(0, 2, 1), geom_xpos[:, None, geom], out=out[:, points])
         out[:, -1] = site_xpos[:, self._site]
         return out
 
@@ -79,10 +81,13 @@ class RobotPoints:
 def outside_box(track: RobotTrack, low: np.ndarray, high: np.ndarray) -> tuple[float, int, str]:
     """How far the hand is outside a box at most in [m] (0 inside), at which sample, and with which body."""
     rows = np.flatnonzero([b in _HAND for b in track.bodies])
-    p, r = track.points[:, rows], track.radius[rows, None]
-    below, above = low - (p - r), p + r - high
-    if below.max() <= 0.0 and above.max() <= 0.0:
+    r = track.radius[rows, None]
+    # The extremes of each point over time say whether it leaves the box at all, which is rare.
+    lowest, highest = track.points.min(axis=0)[rows] - r, track.points.max(axis=0)[rows] + r
+    if (lowest >= low).all() and (highest <= high).all():
         return 0.0, 0, track.bodies[rows[0]]
+    p = track.points[:, rows]
+    below, above = low - (p - r), p + r - high
     return _most(np.linalg.norm(np.maximum(below, 0.0) + np.maximum(above, 0.0), axis=2), track, rows)
 
 

@@ -130,13 +130,15 @@ def judge_in_detail(
     replayed: dict[int, Replayed] = {}
     with ThreadPoolExecutor(max(1, nthread)) as pool:
         jobs = {pool.submit(judge_replay, question, t, nominal=i == 0): i for i, t in enumerate(twins)}
+        # The samples are checked while twins are simulated.
+        torque = loaded_torque(carrying, trajectory, held_payloads(twin))
+        of_samples = check_trajectory(trajectory, limits, safety, torque, robot.tcp_poses)
         for job in as_completed(jobs):
             replayed[jobs[job]] = job.result()
             if on_progress is not None:
                 on_progress(len(replayed), len(twins))
-    torque = loaded_torque(carrying, trajectory, held_payloads(twin))
     checks = (
-        *check_trajectory(trajectory, limits, safety, torque, robot.tcp_poses),
+        *of_samples,
         _start_state(trajectory, twin, safety),
         *replayed[0].checks,
     )

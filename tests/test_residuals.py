@@ -24,9 +24,10 @@ def still(position):
 
 def touching(*rows):
     """Contacts (sample, body, body, force in N)."""
-    return Contacts(
-        np.array([r[0] for r in rows], int), tuple((r[1], r[2]) for r in rows), np.array([r[3] for r in rows], float)
-    )
+    pairs = [(r[1], r[2]) for r in rows]
+    known = tuple(dict.fromkeys(pairs))
+    pair = np.array([known.index(p) for p in pairs], int)
+    return Contacts(np.array([r[0] for r in rows], int), known, pair, np.array([r[3] for r in rows], float))
 
 
 def quiet() -> TwinMotion:
