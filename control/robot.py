@@ -107,10 +107,12 @@ class RobotModel:
     def tcp_poses(self, q: np.ndarray) -> np.ndarray:
         """Poses base_T_tcp, shape (n, 4, 4), at joint positions in [rad], shape (n, 7)."""
         out = np.empty((len(q), 4, 4))
+        frame = self._model.frames[self._tcp]
+        forward, joint = self._pin.forwardKinematics, self._data.oMi[frame.parentJoint]  # refers to the buffer
         for k, row in enumerate(np.ascontiguousarray(q, dtype=float)):
-            self._pin.forwardKinematics(self._model, self._data, row)
-            out[k] = self._pin.updateFramePlacement(self._model, self._data, self._tcp).homogeneous
-        return out
+            forward(self._model, self._data, row)
+            out[k] = joint.homogeneous
+        return out @ frame.placement.homogeneous
 
     def tcp_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian of the tool centre point, shape (6, 7): rows are linear [m/rad], then angular; axes of the base."""

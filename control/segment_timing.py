@@ -50,6 +50,8 @@ USED = 0.3  # groups of rows whose largest squared share stays below this in the
 USED_AGAIN = 0.5  # the same when limits are tightened, as little changes then
 NEAR = 0.5  # squared share of a limit in a row from which the samples around it are looked at with the model
 OVERDONE = 1.005  # by how much more than needed limits are tightened
+OVERSHOOT, MOST_OVERSHOOT = 0.5, 0.02  # and more by this share of what was needed, up to so much
+LEAST_STRETCH = 1.0005  # of uniform stretches, the first
 
 
 @dataclass(frozen=True)
@@ -151,31 +153,38 @@ def _timed(
     def sampled(warp: Warp, stretch: float, near: _Near | None) -> _Samples:
         return _Samples.of(warp, stretch, near, segment.q, path, robot, bounds)
 
-    near = search.near(warp)
-    samples = sampled(warp, 1.0, near)
-    best, last = (warp, near, samples), (warp, near, samples)
-    for k in range(TIGHTENED):
-        if best[2].needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN):
-            break
-        other = search.tightened(last[0], last[2])
+    seen: list[tuple[Warp, _Samples]] = []  # with the model asked for every sample
+    for k in range(TIGHTENED + 1):
+        samples = sampled(warp, 1.0, search.near(warp))
+        # The last tightening must not overlook anything; nor may what is good enough otherwise.
+        good = samples.needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN)
+        if good or k >= TIGHTENED - 1:
+            samples = sampled(warp, _small_stretch(samples.needed) if good else 1.0, None)
+            seen.append((warp, samples))
+            if samples.needed <= GOOD_ENOUGH:
+                break
+        other = search.tightened(warp, samples) if k < TIGHTENED else None
         if other is None:
             break
-        near = search.near(other)
-        last = other, near, sampled(other, 1.0, near)
-        best = min(best, last, key=lambda found: found[0].duration * max(found[2].needed, 1.0))
-    warp, near, samples = best
-    stretch = 1.0
-    while samples.needed > 1.0 or near is not None:
-        if samples.needed <= 1.0:
-            near = None  # the last word has the model at every sample
-        else:
-            stretch *= min(1.25, max(1.0005, samples.needed))
+        warp = other
+    if not seen:
+        seen.append((warp, sampled(warp, 1.0, None)))
+    warp, samples = min(seen, key=_stretched_duration)
+    least = LEAST_STRETCH
+    while samples.needed > 1.0:
+        stretch = samples.stretch * _small_stretch(samples.needed, least)
+        least = 2.0 * least - 1.0  # a peak may hide between samples: steps as small as the first could go on for long
         if stretch > MAX_STRETCH:
             name, share, s = samples.worst
             raise RetimingError(_no_law(name, share, path.place(s)))
-        samples = sampled(warp, stretch, near)
+        samples = sampled(warp, stretch, None)
     duration = (len(samples.q) - 1) * SAMPLE_TIME
-    return samples.q[1:], SegmentReport(segment.name, duration, law.duration, path.deviation, stretch)
+    return samples.q[1:], SegmentReport(segment.name, duration, law.duration, path.deviation, samples.stretch)
+
+
+def _small_stretch(needed: float, least: float = LEAST_STRETCH) -> float:
+    """By how much to stretch next when so much seems to be needed; 1 when nothing is."""
+    return 1.0 if needed <= 1.0 else min(1.25, max(least, needed))
 
 
 def _no_law(name: str, share: float, place: str) -> str:
@@ -183,6 +192,11 @@ def _no_law(name: str, share: float, place: str) -> str:
         f"has no time law that keeps {name} {place}: even {MAX_STRETCH:.0f} times slower than the fastest it reaches "
         f"{100 * share:.1f} % of the limit. Take another path"
     )
+
+
+def _stretched_duration(found: "tuple[Warp, _Samples]") -> float:
+    warp, samples = found
+    return warp.duration * samples.stretch * max(samples.needed, 1.0)
 
 
 def _named(limit: str, joint: int | None) -> str:
@@ -262,10 +276,13 @@ class _PaceSearch:
         return _no_law(name, float(np.sqrt(worst)), self._path.place(s))
 
     def near(self, warp: Warp) -> _Near:
-        """Where the rows at a warp come near the limits that take the rigid-body model."""
+        """Where the rows at a warp come near the limits that take the rigid-body model.
+
+        The hand's speeds are left out: an arm may go at them all the way, and they change little between nodes.
+        """
         nodes, cells = (block.used(warp.beta) > NEAR for block in self._blocks)
         masks = []
-        for names in (("torque", "torque_rate"), ("hand_",)):
+        for names in (("torque", "torque_rate"), ("hand_acceleration", "hand_angular", "hand_jerk")):
             at_node, in_cell = (
                 np.any(used[[name.startswith(names) for name, _ in groups]], axis=0)
                 for used, groups in ((nodes, AT_NODES), (cells, IN_CELLS))
@@ -282,8 +299,9 @@ class _PaceSearch:
         blocks, keep = [], self._relevant(warp.beta, USED_AGAIN)
         for block, shares, groups in zip(self._blocks, (at_nodes, in_cells), keep, strict=True):
             groups |= shares.max(axis=0) > 1.0
+            wanted = OVERDONE * shares + np.clip(OVERSHOOT * (shares - 1.0), 0.0, MOST_OVERSHOOT)
             factor = np.ones((start.cells, shares.shape[1]))
-            np.maximum.at(factor, cells, np.where(shares > 1.0, shares * OVERDONE, 1.0))
+            np.maximum.at(factor, cells, np.where(shares > 1.0, wanted, 1.0))
             factor = maximum_filter1d(factor, 3, axis=0)
             if block is self._blocks[0]:  # a node belongs to the cells on either side
                 factor = np.maximum(np.concatenate([factor[:1], factor]), np.concatenate([factor, factor[-1:]]))
@@ -312,12 +330,16 @@ class _Samples:
         parameter: Of the start law where the middle of each difference lies, in [s], shape (n + 2 PADDING,).
         s: Progress along the path there, of the same shape.
         shares: As `sampled_shares` gives them.
+        stretch: Of the warp, 1 = none.
+        all_seen: Whether the rigid-body model was asked for every sample.
     """
 
     q: np.ndarray
     parameter: np.ndarray
     s: np.ndarray
     shares: dict[str, np.ndarray]
+    stretch: float
+    all_seen: bool
 
     @classmethod
     def of(
@@ -342,7 +364,7 @@ class _Samples:
         if near is not None:
             cells = warp.start.cells_at(parameter[rows])
             look = near.torque[cells], near.hand[cells]
-        return cls(q, parameter[rows], s[rows], sampled_shares(q, robot, bounds, look))
+        return cls(q, parameter[rows], s[rows], sampled_shares(q, robot, bounds, look), stretch, look is None)
 
     def by_group(self) -> tuple[np.ndarray, np.ndarray]:
         """Shares in the order of `AT_NODES` and of `IN_CELLS`, each (n + 2 PADDING, groups)."""
