@@ -98,8 +98,9 @@ def record_motion(rollout: Rollout, twin: TwinModel, purpose: Purpose, stride: i
     went = {name: np.empty((len(rows), *getattr(data, name).shape)) for name in POSES}
     copies = [(went[name], getattr(data, name)) for name in POSES]
     qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
-    for k, row in enumerate(rows.tolist()):
-        qpos[:], qvel[:], ctrl[:] = rollout.qpos[row], rollout.qvel[row], rollout.ctrl[row]
+    states = zip(rollout.qpos[rows], rollout.qvel[rows], rollout.ctrl[rows], strict=True)
+    for k, state in enumerate(states):
+        qpos[:], qvel[:], ctrl[:] = state
         mujoco.mj_forward(model, data)
         for into, now in copies:
             into[k] = now

@@ -95,15 +95,14 @@ def judge_terms(
         samples: Where terms have to hold that are meant to last, indices.
         rest_palm: Tool centre point at rest in [m], shape (3,).
     """
-    at = [judge_at(motion, twin, spec, k, rest_palm) for k in samples]
-    out = [max((row[i] for row in at), key=lambda j: j.residual) for i in range(len(spec.terms))]
-    passing = [i for i, term in enumerate(spec.terms) if _on_the_way(term, spec)]
-    if passing:
-        rows = np.unique(np.linspace(0, len(motion.time) - 1, MOMENTS).astype(int))
-        way = [judge_at(motion, twin, spec, int(k), rest_palm) for k in rows]
-        for i in passing:
-            out[i] = min((row[i] for row in way), key=lambda j: j.residual)
-    return out
+    terms = [term for term in spec.terms if not _on_the_way(term, spec)]
+    judged = _judge_moments(motion, twin, terms, samples, rest_palm)
+    out = {term: max(moments, key=lambda j: j.residual) for term, moments in zip(terms, judged, strict=True)}
+    passing = [term for term in spec.terms if _on_the_way(term, spec)]
+    rows = np.unique(np.linspace(0, len(motion.time) - 1, MOMENTS).astype(int)).tolist()
+    judged = _judge_moments(motion, twin, passing, rows, rest_palm)
+    out |= {term: min(moments, key=lambda j: j.residual) for term, moments in zip(passing, judged, strict=True)}
+    return [out[term] for term in spec.terms]
 
 
 def _on_the_way(term: RewardTerm, spec: RewardSpec) -> bool:
@@ -112,16 +111,26 @@ def _on_the_way(term: RewardTerm, spec: RewardSpec) -> bool:
     return not term.primary and not about_palm and PALM in (term.subject, term.target)
 
 
-def judge_at(
-    motion: TwinMotion, twin: TwinModel, spec: RewardSpec, k: int, rest_palm: np.ndarray
-) -> list[TermJudgement]:
-    """Judgements of all terms at sample k, in their order."""
-    at = {o.name: [motion.handles[j.name][k] for j in twin.joints if j.owner == o.name] for o in twin.objects}
-    now = {
-        name: replace(posed(twin, name, poses[k]), handles=np.array(at[name]).reshape(-1, 3))
-        for name, poses in motion.objects.items()
-    }
+def _judge_moments(
+    motion: TwinMotion, twin: TwinModel, terms: Sequence[RewardTerm], samples: Sequence[int], rest_palm: np.ndarray
+) -> list[list[TermJudgement]]:
+    """For each term its judgements at some samples."""
+    if not terms:
+        return []
     start = {name: posed(twin, name, poses[0]) for name, poses in motion.objects.items()}
-    palm = motion.tcp[k, :3, 3]
-    fractions = {name: float(values[k]) for name, values in motion.fractions.items()}
-    return [judge_term(t, now, palm, rest_palm, start, twin.support_height, fractions) for t in spec.terms]
+    handles = {o.name: [j.name for j in twin.joints if j.owner == o.name] for o in twin.objects}
+    out: list[list[TermJudgement]] = [[] for _ in terms]
+    for k in samples:
+        now = {
+            name: replace(
+                thing,
+                pose=motion.objects[name][k],
+                handles=np.array([motion.handles[j][k] for j in handles[name]]).reshape(-1, 3),
+            )
+            for name, thing in start.items()
+        }
+        palm = motion.tcp[k, :3, 3]
+        fractions = {name: float(values[k]) for name, values in motion.fractions.items()}
+        for term, judged in zip(terms, out, strict=True):
+            judged.append(judge_term(term, now, palm, rest_palm, start, twin.support_height, fractions))
+    return out

@@ -224,7 +224,7 @@ def roll_out(
         inputs = np.zeros((len(chunk), longest, first.nu))
         starts = np.empty((len(chunk), first.nq))
         for row, i in enumerate(chunk):
-            starts[row] = twins[i].start().qpos
+            starts[row] = twins[i].qpos
             target = controls_for(own[i], motions[i])
             inputs[row, : len(target)] = target
             inputs[row, len(target) :] = target[-1]

@@ -68,14 +68,15 @@ class RobotPoints:
 
     def along(self, geom_xpos: np.ndarray, geom_xmat: np.ndarray, site_xpos: np.ndarray) -> np.ndarray:
         """Points in the world in [m], shape (n, k, 3), from n rows of these fields of `mujoco.MjData`."""
-        out = np.empty((len(geom_xpos), len(self.bodies), 3))
-        n = len(geom_xpos)
+        # By coordinate, point and row, so that all rows of a point lie together: several times as fast.
+        out = np.empty((3, len(self.bodies), len(geom_xpos)))
         for geom, points in self._spans:
-            # One product for all rows at once; their transposes come out, (n, 3, points).
-            turned = (geom_xmat[:, geom].reshape(-1, 3) @ self._local[points].T).reshape(n, 3, -1)
-            np.add(turned.transpose(0, 2, 1), geom_xpos[:, None, geom], out=out[:, points])
-        out[:, -1] = site_xpos[:, self._site]
-        return out
+            rotation = np.ascontiguousarray(geom_xmat[:, geom].T).reshape(3, 3, -1)
+            for axis in range(3):
+                np.matmul(self._local[points], rotation[axis], out=out[axis, points])
+                out[axis, points] += geom_xpos[:, geom, axis]
+        out[:, -1] = site_xpos[:, self._site].T
+        return out.transpose(2, 1, 0)
 
 
 def outside_box(track: RobotTrack, low: np.ndarray, high: np.ndarray) -> tuple[float, int, str]:

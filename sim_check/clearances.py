@@ -49,6 +49,7 @@ class ClearanceMeter:
         # mj_geomDistance tells nothing beyond its last argument.
         self._until = np.maximum(np.maximum(self._pairs.limit, 0.0) + 0.001, reach).tolist()
         self._data, self._segment = mujoco.MjData(look.model), np.zeros(6)
+        self._names: dict[int, tuple[str, ...]] = {}
 
     def at(self, qpos: np.ndarray) -> dict[str, Near]:
         """For each of `PARTS` how near it comes in a configuration of the twin's model, shape (nq,)."""
@@ -72,7 +73,11 @@ class ClearanceMeter:
         return {p: Near(lack[p], self._bodies(lacking[p]), distance[p], self._bodies(nearest[p])) for p in PARTS}
 
     def _bodies(self, i: int) -> tuple[str, ...]:
-        return () if i < 0 else self._look.bodies(*self._pairs.pair[i])
+        if i < 0:
+            return ()
+        if i not in self._names:  # the same few pairs are nearest most of the time
+            self._names[i] = self._look.bodies(*self._pairs.pair[i])
+        return self._names[i]
 
 
 def measure_clearances(

@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.certificate import CheckResult
-from control.limits import REST_Q
 from control.recording import Purpose, record_motion
 from control.residuals import TwinMotion, safety_residuals
 from control.rewards import RewardSpec
 from control.rewards_cost import judge_terms
 from control.rollouts import Rollout
 from control.safety import SafetyLimits
-from control.subtasks import palm_at
 from control.trajectory import Trajectory
 from control.twin_model import TwinModel
 from sim_check.clearances import measure_clearances, transit_phase
@@ -31,12 +29,14 @@ class Question:
         spec: What it should achieve, or None.
         handled: Objects and joints that may be touched, held and moved beside those of the spec.
         safety: The safety table.
+        rest_palm: Tool centre point at rest in [m], shape (3,); it is the same in every twin of a cell.
     """
 
     trajectory: Trajectory
     spec: RewardSpec | None
     handled: frozenset[str]
     safety: SafetyLimits
+    rest_palm: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,20 @@ def judge_replay(question: Question, twin: TwinModel, nominal: bool) -> Replayed
         motion = replace(motion, clearances=near)
     checks = tuple(r.check(motion) for r in safety_residuals(safety))
     if question.spec is not None:
-        checks = (*checks, _reward(motion, twin, question.spec, safety))
+        checks = (*checks, _reward(motion, twin, question.spec, safety, question.rest_palm))
     return Replayed(checks, steps, rollout, motion) if nominal else Replayed(checks, steps)
 
 
-def _reward(motion: TwinMotion, twin: TwinModel, spec: RewardSpec, safety: SafetyLimits) -> CheckResult:
+def _reward(
+    motion: TwinMotion, twin: TwinModel, spec: RewardSpec, safety: SafetyLimits, rest_palm: np.ndarray
+) -> CheckResult:
     """The reward's terms, at their worst over the settling time: met early and lost again does not count.
 
     A term that is meant for the way counts at its best moment there.
     """
-    rest = palm_at(twin, REST_Q)
     first = int(np.searchsorted(motion.time, motion.time[-1] - safety.settle_time))
     rows = np.unique(np.linspace(first, len(motion.time) - 1, 6).astype(int))
-    judged = judge_terms(motion, twin, spec, [int(k) for k in rows], rest)
+    judged = judge_terms(motion, twin, spec, [int(k) for k in rows], rest_palm)
     worst = max(range(len(judged)), key=lambda i: (judged[i].residual, spec.terms[i].primary))
     lacks = judged[worst].residual
     at, names = float(motion.time[-1]), tuple(sorted(spec.terms[worst].names))

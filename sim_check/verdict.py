@@ -16,12 +16,13 @@ import numpy as np
 
 from control.certificate import CheckResult, Verdict
 from control.errors import TrajectoryError, UnknownObjectError
-from control.limits import RobotLimits
+from control.limits import REST_Q, RobotLimits
 from control.residuals import TwinMotion
 from control.rewards import RewardSpec
 from control.robot import Payload, RobotModel
 from control.rollouts import Rollout
 from control.safety import SafetyLimits
+from control.subtasks import palm_at
 from control.trajectory import Trajectory
 from control.trajectory_checks import check_trajectory
 from control.twin_model import TwinModel
@@ -125,7 +126,7 @@ def judge_in_detail(
     _require_known(trajectory, twin, handled)
     robot = robot or RobotModel.panda(gripper=twin.gripper)
     carrying = robot if payload is None else robot.with_payload(payload)
-    question = Question(trajectory, spec, handled, safety)
+    question = Question(trajectory, spec, handled, safety, palm_at(twin, REST_Q))
     twins = [twin, *possible_twins(twin, rng, perturbed, nthread)]
     replayed: dict[int, Replayed] = {}
     with ThreadPoolExecutor(max(1, nthread)) as pool:
