@@ -38,7 +38,9 @@ from benchmarks.motion_scenes import MOTIONS
 from benchmarks.placed_obstacles import Wanted, obstacle_below
 from control.certificate import Verdict
 from control.errors import RetimingError
+from control.limits import REST_Q
 from control.retime import retime
+from control.subtasks import palm_at
 from control.trajectory import SAMPLE_TIME, Trajectory
 from sim_check.judged_replay import Question, judge_replay
 from sim_check.payloads import held_payloads
@@ -117,7 +119,7 @@ def judge_base(motion: str, seed: int) -> list[Judged] | str:
 
 def _reliable(case: Case, rng: np.random.Generator) -> bool:
     """Whether a motion keeps everything in nearly every world that might be, of draws that no verdict sees."""
-    question = Question(case.trajectory, case.spec, frozenset(), case.safety)
+    question = Question(case.trajectory, case.spec, frozenset(), case.safety, palm_at(case.twin, REST_Q))
 
     def failures() -> int:
         worlds = possible_twins(case.twin, rng, WORLDS)

@@ -1,11 +1,16 @@
 """What one segment of a motion is held to: published limits at the shares that may be used, speeds slowed down."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from control.limits import RobotLimits, VelocityEnds
 from control.safety import SafetyLimits
+
+# Shares of accelerations (a fifth of it of speeds) and of torque rates that a motion leaves unused. A motion that was
+# slowed down and goes back to its own speed is commanded between its samples, where it reaches a little beyond them:
+# without headroom it could not go back at all while it accelerates. It costs a thousandth of the time.
+HEADROOM, TORQUE_RATE_HEADROOM = 0.005, 0.035
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,18 @@ class MotionBounds:
             ),
             ends=limits.velocity_ends,
             speed_share=share,
+        )
+
+    def with_headroom(self) -> "MotionBounds":
+        """A little less of what a change of speed needs some of: see `HEADROOM`."""
+        less, slower = 1.0 - HEADROOM, 1.0 - HEADROOM / 5.0
+        return replace(
+            self,
+            qd=self.qd * slower,
+            qdd=self.qdd * less,
+            taud=self.taud * (1.0 - TORQUE_RATE_HEADROOM),
+            hand=(self.hand[0] * slower, self.hand[1] * less, self.hand[2]),
+            turn=(self.turn[0] * slower, self.turn[1] * less, self.turn[2]),
         )
 
     def joint_speed(self, q: np.ndarray, direction: np.ndarray) -> np.ndarray:

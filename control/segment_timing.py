@@ -146,7 +146,8 @@ def _timed(
     path, bounds = _smoothed(segment, limits, safety, options)
     dynamics = PathDynamics(path, robot, bounds, options.grid)
     dynamics.check()
-    law = dynamics.fastest_law()
+    law = dynamics.fastest_law()  # what the report compares with: without jerk, and without headroom
+    bounds = bounds.with_headroom()
     search = _PaceSearch(path, robot, bounds)
     warp = search.first(law)
 

@@ -416,7 +416,7 @@ def test_only_segments_that_hold_a_thing_are_timed_with_its_weight(robot):
     there = polyline(np.vstack([REST, REST + np.array([0.0, 0.5, 0.0, 0.4, 0.0, 0.0, 0.0])]))
     path = JointPath((PathSegment("carry", there, held="brick"), PathSegment("home", there[::-1])))
     fast = replace(SAFETY, velocity_scale=1.0, acceleration_scale=1.0, hand_speed=1.7)
-    tight = replace(LIMITS, tau=0.7 * LIMITS.tau)  # so that the weight counts
+    tight = replace(LIMITS, tau=0.6 * LIMITS.tau)  # so that the weight counts
     _, bare = retime_with_report(path, robot, tight, fast)
     _, other = retime_with_report(path, robot, tight, fast, payloads={"cup": payload})
     trajectory, loaded = retime_with_report(path, robot, tight, fast, payloads={"brick": payload})
