@@ -15,7 +15,7 @@ asked for plus a millimetre.
 Faults are judged in the nominal twin alone, where they are certain; good motions in six perturbed twins as well, as in
 a run. The time of one verdict is that of a motion of 8 s with 32 perturbed twins on two threads.
 
-    python -m benchmarks.verdicts --seeds 5
+    python -m benchmarks.verdicts --seeds 6
     python -m benchmarks.verdicts --seeds 1 --motions lift cube_on_crate --jobs 1 --json
 """
 
@@ -275,7 +275,7 @@ def _spread(job: tuple[str, int]) -> list[Judged] | str:
 def main() -> int:
     """Run the benchmark; returns the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=5, help="seeds 0, 1, 2, ... of each planned motion")
+    parser.add_argument("--seeds", type=int, default=6, help="seeds 0, 1, 2, ... of each planned motion")
     parser.add_argument(
         "--motions", nargs="*", default=list(MOTIONS), choices=list(MOTIONS), metavar="NAME", help=", ".join(MOTIONS)
     )

@@ -1,89 +1,33 @@
 """Validating one motion in the twin: read it, judge exactly its samples, say what every check found."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from control.certificate import Verdict
-from control.errors import ConfigError, RefusedError, RetimingError, StackError
+from control.errors import ConfigError, RefusedError, StackError
 from control.limits import RobotLimits
 from control.motion_file import read_motion
-from control.motion_path import to_path
 from control.motion_samples import MotionFile
-from control.resampling import to_trajectory_with_report
-from control.retime import RetimingReport, retime_with_report
+from control.retime import RetimingReport
 from control.rewards import RewardSpec
-from control.robot import Payload, RobotModel
+from control.robot import RobotModel
 from control.safety import SafetyLimits
-from control.segment_timing import RetimingOptions
-from control.trajectory import PathSegment, Trajectory, TrajectorySegment
+from control.trajectory import Trajectory
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
 from planning.answers import MalformedAnswerError
 from planning.reward_program import EXECUTE, build_spec, parse_reward_program
 from replan.errors import DONE, UNSAFE
 from replan.scene_source import scene_for
+from replan.validation_options import ValidateOptions
+from replan.validation_samples import judged_samples
 from sim_check.cells import CellConfig, load_cell
-from sim_check.foreign_motion import path_with_handling, with_handling
 from sim_check.payloads import held_payloads, loaded_torque
 from sim_check.start_collision import start_collision
 from sim_check.twin import build_twin
-from sim_check.verdict import SUCCESS_SHARE, Judgement, judge_in_detail
-
-HEAVIEST = 50.0  # [kg]; far beyond what any arm here carries: a larger number is a mistake
-TOLD_DEPARTURE = 1e-3  # [rad] that a curve leaves the lines between rows by before it is worth a word
-GRASP_FORCE = 40.0  # [N]; Franka's usual grasp force, for closings of which a file gives none
-
-
-@dataclass(frozen=True)
-class ValidateOptions:
-    """What to validate, and how.
-
-    Attributes:
-        file: Motion file.
-        cell: Built-in cell or cell file.
-        cell_options: Switches of the cell to turn on.
-        scene, frame: Where things stand, see `replan.scene_source.scene_for`.
-        topic, index: Which message of a recording.
-        retime: Whether to put a new time law on the path first.
-        fraction: Share of the published speed and acceleration limits for it; the cell's shares if None.
-        tolerance: Largest deviation of a joint from the path in [rad] when it is retimed.
-        handles: Objects that the hand grasps, in the order in which it does.
-        touches: Objects and joints beside them that may be touched and moved: what something is put down on, say.
-        held: Object in the hand from the start.
-        gripper_width: Distance between the pads at the start in [m]; from the file, or open, if None.
-        reward: Text of a reward program, or None.
-        payload: What the hand carries that the scene does not show, or None.
-        start: Joints where the robot stands in [rad], shape (7,); the first sample if None.
-        perturbed: Number of perturbed twins.
-        success_share: Least share of them that must succeed.
-        threads: For simulation.
-        seed: Of the perturbed twins.
-    """
-
-    file: Path
-    cell: str
-    cell_options: tuple[str, ...] = ()
-    scene: Path | None = None
-    frame: int = -1
-    topic: str | None = None
-    index: int | None = None
-    retime: bool = False
-    fraction: float | None = None
-    tolerance: float = 0.004
-    handles: tuple[str, ...] = ()
-    touches: tuple[str, ...] = ()
-    held: str | None = None
-    gripper_width: float | None = None
-    reward: str | None = None
-    payload: Payload | None = None
-    start: np.ndarray | None = None
-    perturbed: int = 32
-    success_share: float = SUCCESS_SHARE
-    threads: int = 2
-    seed: int = 0
+from sim_check.verdict import Judgement, judge_in_detail
 
 
 @dataclass(frozen=True)
@@ -133,44 +77,6 @@ class Validation:
         return DONE if self.verdict.passed else UNSAFE
 
 
-def reward_text(given: str | None) -> str | None:
-    """The reward program that was given, as text or as a file.
-
-    Raises:
-        ConfigError: The file cannot be read.
-    """
-    if given is None or "(" in given:
-        return given
-    try:
-        return Path(given).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"--reward '{given}' is neither reward calls nor a file that can be read ({error})") from None
-
-
-def payload_from(mass: float, com: tuple[float, float, float]) -> Payload | None:
-    """A payload in [kg] and [m], or None without mass.
-
-    Raises:
-        ConfigError: A number that is no mass or no place.
-    """
-    if not (np.isfinite(mass) and 0.0 <= mass <= HEAVIEST and np.all(np.isfinite(com))):
-        raise ConfigError(f"--payload-kg {mass:g} at {com} is not valid; it is 0 to {HEAVIEST:g} kg at a place in [m]")
-    return Payload(mass, com) if mass > 0 else None
-
-
-def start_from(joints: tuple[float, ...] | None) -> np.ndarray | None:
-    """Joints in [rad], shape (7,), or None.
-
-    Raises:
-        ConfigError: One is not finite, or looks like degrees.
-    """
-    if joints is None:
-        return None
-    if not np.all(np.isfinite(joints)) or max(abs(j) for j in joints) > 2 * np.pi:
-        raise ConfigError(f"--start {joints} is not valid; it is seven joint positions in [rad]")
-    return np.array(joints)
-
-
 def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Validation:
     """Judge the motion in a file.
 
@@ -206,7 +112,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
     except StackError as error:
         raise ConfigError(f"no twin of {_scene_name(options)}: {error}") from error
     say(f"twin: {', '.join(scene.names)} ({scene.source})")
-    trajectory, retiming, made = _samples(motion, options, robot, limits, safety, twin)
+    trajectory, retiming, made = judged_samples(motion, options, robot, limits, safety, twin)
     spec = None if options.reward is None else _spec(options.reward, scene, twin)
     judgement = judge_in_detail(
         trajectory,
@@ -226,54 +132,6 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
     return Validation(
         options, cell, limits, safety, motion, trajectory, retiming, made, scene, twin, robot, spec, judgement
     )
-
-
-def _samples(
-    motion: MotionFile,
-    options: ValidateOptions,
-    robot: RobotModel,
-    limits: RobotLimits,
-    safety: SafetyLimits,
-    twin: TwinModel,
-) -> tuple[Trajectory, RetimingReport | None, str]:
-    """What is judged: the file's samples, or its path with a new time law; and how it was made of the file."""
-    force = GRASP_FORCE if options.handles else None
-    if not options.retime:
-        if options.fraction is not None:
-            raise ConfigError("--fraction says how fast a motion is retimed; give --retime as well")
-        trajectory, report = to_trajectory_with_report(motion, force)
-        made = report.method
-        if report.departure > TOLD_DEPARTURE:
-            made += (
-                f"; between rows it leaves the straight line by up to {report.departure:.3f} rad "
-                f"({trajectory.joint_names[report.joint]} at {report.at:.2f} s)"
-            )
-        if not _says_what_it_handles(trajectory.segments):
-            trajectory = with_handling(trajectory, options.handles, options.held)
-        return trajectory, None, made
-    if options.fraction is not None:
-        if not 0.0 < options.fraction <= 1.0:
-            raise ConfigError(f"--fraction {options.fraction:g} is not valid; it is a share of the limits, 0 to 1")
-        safety = replace(
-            safety,
-            velocity_scale=min(options.fraction, safety.velocity_scale),
-            acceleration_scale=min(options.fraction, safety.acceleration_scale),
-        )
-    path = to_path(motion, force)
-    if not _says_what_it_handles(path.segments):
-        path = path_with_handling(path, options.handles, options.held)
-    loaded = robot if options.payload is None else robot.with_payload(options.payload)
-    how = RetimingOptions(tolerance=options.tolerance)
-    try:
-        trajectory, report = retime_with_report(path, loaded, limits, safety, how, held_payloads(twin))
-    except RetimingError as error:
-        raise RefusedError("cannot_be_retimed", f"{options.file}: the path cannot be timed: {error}") from error
-    off = f"at most {1e3 * report.deviation:.1f} mrad off the path"
-    return trajectory, report, f"retimed to {report.ratio:.2f} times the time-optimal bound, {off}"
-
-
-def _says_what_it_handles(segments: Sequence[PathSegment | TrajectorySegment]) -> bool:
-    return any(s.held or s.touching for s in segments)
 
 
 def _scene_name(options: ValidateOptions) -> str:

@@ -24,7 +24,8 @@ from control.trajectory_file import write_trajectory
 from replan.commands.validate import Validate
 from replan.console import Console
 from replan.scene_source import scene_for
-from replan.validate import ValidateOptions, Validation, payload_from, reward_text, start_from, validate_motion
+from replan.validate import Validation, validate_motion
+from replan.validation_options import ValidateOptions, payload_from, reward_text, start_from
 from replan.validation_report import worst_moments
 from replan.validation_text import as_json, as_text, check_rows
 from sim_check.cells import load_cell

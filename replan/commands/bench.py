@@ -140,7 +140,7 @@ class BenchDiagnosis:
 class BenchVerdicts:
     """Verdicts on motions with one injected fault each and on good ones: what slips through, what is a false alarm."""
 
-    seeds: int = 5
+    seeds: int = 6
     """Seeds 0, 1, 2, ... of each planned motion."""
     motions: tuple[str, ...] = ()
     """Names of the planned motions; default all (an unknown name lists them)."""

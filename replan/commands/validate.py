@@ -87,8 +87,9 @@ class Validate:
         require_mujoco()
         from control.certificate_file import write_certificate
         from control.trajectory_file import write_trajectory
-        from replan.validate import ValidateOptions, payload_from, reward_text, start_from, validate_motion
+        from replan.validate import validate_motion
         from replan.validation_certificate import certificate_of, check_outputs
+        from replan.validation_options import ValidateOptions, payload_from, reward_text, start_from
         from replan.validation_report import footer, write_report
         from replan.validation_text import as_json, as_text
 
