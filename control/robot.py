@@ -120,13 +120,6 @@ class RobotModel:
         jacobian = self._pin.computeFrameJacobian(self._model, self._data, np.asarray(q, float), self._tcp, aligned)
         return np.array(jacobian)
 
-    def tcp_jacobians(self, q: np.ndarray) -> np.ndarray:
-        """`tcp_jacobian` at every row of q in [rad], shape (n, 7); returns shape (n, 6, 7)."""
-        out = np.empty((len(q), 6, 7))
-        for k, row in enumerate(np.ascontiguousarray(q, dtype=float)):
-            out[k] = self.tcp_jacobian(row)
-        return out
-
     def tcp_motion(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How the tool centre point moves, in the axes of the base.
 

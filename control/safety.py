@@ -6,8 +6,6 @@ them; a cell file may change the numbers.
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 
 @dataclass(frozen=True)
 class SafetyLimits:
@@ -54,11 +52,3 @@ class SafetyLimits:
     workspace_low: tuple[float, float, float] = (-0.2, -0.8, 0.0)
     workspace_high: tuple[float, float, float] = (0.9, 0.8, 1.3)
     keep_out: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = field(default=())
-
-    def inside_workspace(self, points: np.ndarray) -> np.ndarray:
-        """Whether points in the world in [m], shape (..., 3), are inside the workspace and outside keep-out zones."""
-        low, high = np.asarray(self.workspace_low), np.asarray(self.workspace_high)
-        ok = np.all((points >= low) & (points <= high), axis=-1)
-        for zone_low, zone_high in self.keep_out:
-            ok &= ~np.all((points >= np.asarray(zone_low)) & (points <= np.asarray(zone_high)), axis=-1)
-        return ok

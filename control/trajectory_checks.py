@@ -53,10 +53,7 @@ def check_trajectory(
     """
     q = trajectory.q
     n = len(q)
-    padded = np.concatenate([np.repeat(q[:1], PADDING, 0), q, np.repeat(q[-1:], PADDING, 0)])
-    qd = np.diff(padded, axis=0, prepend=padded[:1]) / SAMPLE_TIME
-    qdd = np.diff(qd, axis=0, prepend=qd[:1]) / SAMPLE_TIME
-    qddd = np.diff(qdd, axis=0, prepend=qdd[:1]) / SAMPLE_TIME
+    padded, qd, qdd, qddd = commanded_differences(q)
     names = trajectory.joint_names
     results = [
         _position(trajectory, limits, safety),
@@ -77,6 +74,32 @@ def check_trajectory(
     results.append(_rest("ends_at_rest", trajectory, n - 1))
     results.append(_consistency(trajectory))
     return tuple(results)
+
+
+def commanded_differences(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities, accelerations and jerks of commanded samples as the control box takes them.
+
+    Args:
+        q: Samples every millisecond in [rad], shape (n, 7).
+
+    Returns:
+        Positions with PADDING rows of rest at either end, and their backward differences in [rad/s], [rad/s^2] and
+        [rad/s^3], all of shape (n + 2 PADDING, 7).
+    """
+    padded = np.concatenate([np.repeat(q[:1], PADDING, 0), q, np.repeat(q[-1:], PADDING, 0)])
+    qd = np.diff(padded, axis=0, prepend=padded[:1]) / SAMPLE_TIME
+    qdd = np.diff(qd, axis=0, prepend=qd[:1]) / SAMPLE_TIME
+    return padded, qd, qdd, np.diff(qdd, axis=0, prepend=qdd[:1]) / SAMPLE_TIME
+
+
+def hand_velocities(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Linear [m/s] and angular [rad/s] velocities of the hand by backward differences, shape (n, 3) each.
+
+    Args:
+        poses: Of the tool centre point every millisecond, shape (n, 4, 4); it rests before the first.
+    """
+    linear = np.diff(poses[:, :3, 3], axis=0, prepend=poses[:1, :3, 3]) / SAMPLE_TIME
+    return linear, np.concatenate([np.zeros((1, 3)), _turns(poses[:, :3, :3])]) / SAMPLE_TIME
 
 
 def _moment(row: int, n: int) -> float:
@@ -137,8 +160,7 @@ def _position(trajectory: Trajectory, limits: RobotLimits, safety: SafetyLimits)
 
 def _hand(poses: np.ndarray, limits: RobotLimits, safety: SafetyLimits, n: int) -> list[CheckResult]:
     """Speed, acceleration and jerk of the hand, linear then angular of each; poses rest at both ends."""
-    linear = np.diff(poses[:, :3, 3], axis=0, prepend=poses[:1, :3, 3]) / SAMPLE_TIME
-    angular = np.concatenate([np.zeros((1, 3)), _turns(poses[:, :3, :3])]) / SAMPLE_TIME
+    linear, angular = hand_velocities(poses)
     accelerations = safety.acceleration_scale
     table = (
         ("hand_speed", min(safety.hand_speed, limits.cartesian_speed), "m/s"),

@@ -1,7 +1,7 @@
 """Plots of a judged motion as SVG text: joints against their limits, the hand's speed, clearances over time."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +10,14 @@ from control.limits import RobotLimits
 from control.residuals import Clearances
 from control.safety import SafetyLimits
 from control.trajectory import SAMPLE_TIME, Trajectory
+from control.trajectory_checks import PADDING, Torque, commanded_differences
 
 COLUMNS = 600  # of a drawn curve; each shows the least and the largest sample of its stretch, so no peak is lost
-REST_ROWS = 3  # of rest on either side of a motion: a third difference reaches that far
 INK, ALLOWED, BROKEN, QUIET = "#1f4e79", "#d08700", "#c62828", "#9aa5b1"
 PART_COLOURS = {"self": "#6a51a3", "arm": "#1f4e79", "finger": "#2e7d32", "held": "#d08700"}
 PART_NAMES = {"self": "robot to itself", "arm": "arm and hand", "finger": "fingers", "held": "carried object"}
 LEFT, RIGHT, BOTTOM = 0.75, 0.12, 0.42  # margins of a figure in inches
 FARTHEST = 0.05  # [m] of a clearance that is drawn: beyond, nothing is near
-
-Torque = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -51,14 +49,10 @@ def joint_quantities(
         trajectory: 1 kHz samples.
         limits: Published limits.
         safety: Shares of them that may be used.
-        torque: (q, qd, qdd), each (n, 7), to joint torques in [Nm], for the samples with `REST_ROWS` rows of rest
+        torque: (q, qd, qdd), each (n, 7), to joint torques in [Nm], for the samples with `PADDING` rows of rest
             on either side.
     """
-    rest = np.repeat(trajectory.q[:1], REST_ROWS, 0), np.repeat(trajectory.q[-1:], REST_ROWS, 0)
-    q = np.concatenate([rest[0], trajectory.q, rest[1]])
-    qd = np.diff(q, axis=0, prepend=q[:1]) / SAMPLE_TIME
-    qdd = np.diff(qd, axis=0, prepend=qd[:1]) / SAMPLE_TIME
-    jerk = np.diff(qdd, axis=0, prepend=qdd[:1]) / SAMPLE_TIME
+    q, qd, qdd, jerk = commanded_differences(trajectory.q)
     tau = torque(q, qd, qdd)
     rate = np.diff(tau, axis=0, prepend=tau[:1]) / SAMPLE_TIME
     margin = 1.0 - 2.0 * safety.joint_margin / (limits.q_max - limits.q_min)
@@ -71,7 +65,7 @@ def joint_quantities(
         ("torque", "Nm", tau, -limits.tau, limits.tau, whole),
         ("torque rate", "Nm/s", rate, -limits.taud, limits.taud, whole),
     )
-    return tuple(Quantity(n, u, v[REST_ROWS:], low, high, share) for n, u, v, low, high, share in rows)
+    return tuple(Quantity(n, u, v[PADDING:], low, high, share) for n, u, v, low, high, share in rows)
 
 
 def joints_svg(

@@ -11,6 +11,7 @@ import numpy as np
 
 from control.errors import ConfigError, MachineError
 from control.trajectory import SAMPLE_TIME
+from control.trajectory_checks import hand_velocities
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY, TwinModel
 from replan.validate import Validation
 from replan.validation_plots import PART_NAMES, clearance_svg, hand_svg, joint_quantities, joints_svg
@@ -101,6 +102,7 @@ def _content(validation: Validation, made_by: str) -> dict:
         pictures, notes = [], [("pictures", f"none: {error}")]
     motion = v.judgement.motion
     clearances = motion.clearances if motion is not None else None
+    linear, angular = hand_velocities(v.robot.tcp_poses(t.q))
     quantities = joint_quantities(t, v.limits, v.safety, v.torque)
     stretches = [(s.name, s.stop * SAMPLE_TIME) for s in t.segments]
     broken = any(m.broken for m in moments)
@@ -118,7 +120,7 @@ def _content(validation: Validation, made_by: str) -> dict:
         "pictures": pictures,
         "pictures_title": "Worst moments" if broken else "Nearest moments",
         "clearances": clearance_svg(clearances, motion.time, v.safety) if motion and clearances else "",
-        "hand": hand_svg(*_hand_speeds(v), v.safety),
+        "hand": hand_svg(np.linalg.norm(linear, axis=1), np.linalg.norm(angular, axis=1), v.safety),
         "joints": joints_svg(quantities, t.joint_names, stretches),
         "footer": made_by,
     }
@@ -217,13 +219,3 @@ def _picture(twin: TwinModel, qpos: np.ndarray, moment: Moment) -> np.ndarray:
     )
     with Offscreen(model, WIDTH, HEIGHT, collision=True) as renderer:
         return renderer.colour(data, view, WIDTH, HEIGHT)
-
-
-def _hand_speeds(validation: Validation) -> tuple[np.ndarray, np.ndarray]:
-    """Speed of the tool centre point in [m/s] and of its rotation in [rad/s], shape (n - 1,) each."""
-    poses = validation.robot.tcp_poses(validation.trajectory.q)
-    steps = np.diff(poses, axis=0)
-    linear = np.linalg.norm(steps[:, :3, 3], axis=1) / SAMPLE_TIME
-    # |R1 - R0|_F = 2 sqrt(2) sin(angle / 2), the small angle of one millisecond.
-    angle = np.sqrt(np.sum(steps[:, :3, :3] ** 2, axis=(1, 2)) / 2.0)
-    return linear, angle / SAMPLE_TIME

@@ -13,6 +13,7 @@ from control.certificate import Certificate
 from control.limits import REST_Q, panda_limits
 from control.safety import SafetyLimits
 from control.trajectory import GripperCommand, GripperEvent, Trajectory, TrajectorySegment
+from hw_interface.client import CellClient
 from hw_interface.driver import Driver
 from hw_interface.fake_backend import PerfectRobot
 from hw_interface.gate import Gate
@@ -131,3 +132,19 @@ def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
             return True
         time.sleep(0.01)
     return False
+
+
+@contextmanager
+def idle_client(endpoint: str) -> Iterator[CellClient]:
+    """A client whose robot is left at rest, acknowledged and at full speed, whatever was done with it."""
+    with CellClient.connect(endpoint) as client:
+        yield client
+        client.stop()
+        assert until(lambda: client.state().mode not in ("moving", "stopping"))
+        client.acknowledge()
+        client.set_speed(1.0)
+
+
+def from_here(client: CellClient, seconds: float, radians: float) -> Trajectory:
+    """A swing of the first joint from where the robot is."""
+    return swing(seconds, radians, start=np.array(client.state().q_d))

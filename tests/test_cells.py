@@ -107,8 +107,7 @@ def test_limits_are_changed_by_their_names_in_the_safety_table(write):
     assert limits.hand_speed == 0.3
     assert limits.velocity_scale == SafetyLimits().velocity_scale
     assert limits.workspace_high == (0.8, 0.5, 1.0)
-    inside = limits.inside_workspace(np.array([[0.05, 0.05, 0.05], [0.4, 0.0, 0.3], [0.4, 0.6, 0.3]]))
-    assert inside.tolist() == [False, True, False]
+    assert limits.keep_out == (((0, 0, 0), (0.1, 0.1, 0.1)),)
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from control.errors import ConfigError, RefusedError, RobotGoneError, StoppedError
-from control.trajectory import Trajectory
 from hw_interface import transport
 from hw_interface.client import CellClient, Progress
 from hw_interface.messages import Refusal, RobotState, StateRequest
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.wire import decode, encode
-from tests.hw_support import FIRMWARE, certificate, robot_process, swing, until
+from tests.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process, until
 
 HEAVY = ("mujoco", "torch", "open3d", "transformers", "scipy", "cv2")
 
@@ -33,16 +32,8 @@ def robot() -> Iterator[SimProcess]:
 
 @pytest.fixture
 def client(robot: SimProcess) -> Iterator[CellClient]:
-    with CellClient.connect(robot.endpoint) as client:
+    with idle_client(robot.endpoint) as client:
         yield client
-        client.stop()
-        assert until(lambda: client.state().mode not in ("moving", "stopping"))
-        client.acknowledge()
-        client.set_speed(1.0)
-
-
-def from_here(client: CellClient, seconds: float, radians: float) -> Trajectory:
-    return swing(seconds, radians, start=np.array(client.state().q_d))
 
 
 def test_a_motion_is_played_to_its_end_with_progress(client: CellClient):

@@ -20,7 +20,7 @@ from control.trajectory_file import write_trajectory
 from hw_interface.client import CellClient
 from hw_interface.process import SimProcess
 from replan.play import play
-from tests.hw_support import certificate, robot_process, swing, until
+from tests.hw_support import certificate, from_here, idle_client, robot_process, swing, until
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +31,8 @@ def robot() -> Iterator[SimProcess]:
 
 @pytest.fixture
 def client(robot: SimProcess) -> Iterator[CellClient]:
-    with CellClient.connect(robot.endpoint) as client:
+    with idle_client(robot.endpoint) as client:
         yield client
-        client.stop()
-        assert until(lambda: client.state().mode not in ("moving", "stopping"))
-        client.acknowledge()
-        client.set_speed(1.0)
-
-
-def from_here(client: CellClient, seconds: float, radians: float) -> Trajectory:
-    return swing(seconds, radians, start=np.array(client.state().q_d))
 
 
 def files(folder: Path, trajectory: Trajectory, **changes: object) -> list[str]:
