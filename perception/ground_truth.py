@@ -1,0 +1,47 @@
+"""What truly was in a recorded picture: for scorers only, never an input of perception. Needs numpy only."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from perception.estimates import Shape
+
+
+@dataclass(frozen=True)
+class TrueObject:
+    """One thing that truly was there.
+
+    Attributes:
+        name: Lower case with underscores; the phrase that asks for it is the name with spaces.
+        world_T_object: Pose of its box centre in the frame's world, shape (4, 4).
+        extents: Full sizes along its own axes in [m], shape (3,); None where the recording does not say.
+        shape: Box, cylinder or sphere; None where the recording does not say. A sphere or cylinder has no yaw.
+        mask: Its visible pixels, bool, shape (height, width); None where the recording does not say.
+        box_px: Around its visible pixels, (x0, y0, x1, y1) in [px], shape (4,), x1 and y1 just outside; or None.
+        visible_share: Visible pixels over the pixels it would have with nothing in front, 0..1; 1 where unknown.
+        joint_fractions: How far each of its joints is open, 0 closed .. 1 open.
+    """
+
+    name: str
+    world_T_object: np.ndarray
+    extents: np.ndarray | None = None
+    shape: Shape | None = None
+    mask: np.ndarray | None = None
+    box_px: np.ndarray | None = None
+    visible_share: float = 1.0
+    joint_fractions: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True)
+class FrameTruth:
+    """Everything that truly was in one frame, and which names certainly were not.
+
+    Attributes:
+        objects: All that can be asked for and shows at least a few pixels.
+        absent: Names that a fair question may ask for in vain.
+    """
+
+    objects: tuple[TrueObject, ...]
+    absent: tuple[str, ...] = ()
