@@ -46,7 +46,7 @@ def main() -> int:
 def _train(args: argparse.Namespace) -> None:
     import cv2
 
-    from perception.hf_models import load_package
+    from perception.devices import load_package
 
     load_package("torch").set_num_threads(args.threads)
     cv2.setNumThreads(1)

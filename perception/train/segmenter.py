@@ -9,8 +9,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.crops import crop_matrix
-from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD, load_package
+from perception.crop_segmenter import Window, box_in_crop, crop_picture, square_window
+from perception.devices import load_package
+from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.checkpoints import load_checkpoint, save_checkpoint
 from perception.train.networks import SAM_SIDE, new_segmenter
 from perception.train.schedule import MeanWeights, rate
@@ -58,16 +59,24 @@ def draw_crop(sample: Sample, rng: np.random.Generator) -> tuple[np.ndarray, np.
     box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
     sides = np.tile(box[2:] - box[:2], 2)
     box += rng.uniform(-LOOSE, LOOSE, 4) * sides
-    matrix = crop_matrix(box, CROP_FACTOR, SAM_SIDE)
-    size = (SAM_SIDE, SAM_SIDE)
-    grey = (124, 116, 104)  # ImageNet's mean: nothing
-    crop = cv2.warpAffine(sample.colour, matrix, size, flags=cv2.INTER_LINEAR, borderValue=grey)
-    cut = cv2.warpAffine(mask.astype(np.uint8), matrix, size, flags=cv2.INTER_NEAREST) > 0
-    inside = box.reshape(2, 2) * matrix[[0, 1], [0, 1]] + matrix[:, 2]
+    window = square_window(box, CROP_FACTOR)
+    crop = crop_picture(sample.colour, window, SAM_SIDE)
+    cut = _cut_mask(mask, window)
+    inside = box_in_crop(box, window, SAM_SIDE)
     if rng.random() < 0.5:
         crop, cut = crop[:, ::-1], cut[:, ::-1]
-        inside[:, 0] = SAM_SIDE - inside[::-1, 0]
-    return tinted(np.ascontiguousarray(crop), rng), inside.ravel(), cut
+        inside[[0, 2]] = SAM_SIDE - inside[[2, 0]]
+    return tinted(np.ascontiguousarray(crop), rng), inside, cut
+
+
+def _cut_mask(mask: np.ndarray, window: Window) -> np.ndarray:
+    """A window of a mask at the size of a crop, bool; nothing lies out of the picture."""
+    left, top, size = window
+    shift = np.array([[SAM_SIDE / size, 0.0, 0.0], [0.0, SAM_SIDE / size, 0.0]])
+    # Pixel centres: (x + 0.5) is scaled, not x.
+    shift[:, 2] = (0.5 - np.array([left, top])) * SAM_SIDE / size - 0.5
+    cut = cv2.warpAffine(mask.astype(np.float32), shift, (SAM_SIDE, SAM_SIDE), flags=cv2.INTER_LINEAR)
+    return cut > 0.5
 
 
 def draw_crops(shards: Shards, size: int, rng: np.random.Generator) -> tuple[Any, Any, Any]:
