@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 
+from perception.estimates import Shape
 from perception.frames import RgbdFrame
 from perception.ground_truth import TrueObject
 from perception.metrics import PoseError, compare, summary
@@ -26,7 +27,7 @@ SCENES = (("cubes", {}), ("cubes-blocked", {}), ("fruit-bowl", {}), ("fruit-bowl
 def true_object(world: World, name: str) -> TrueObject:
     """What a simulated cell knows about one of its things."""
     thing = world.objects[name]
-    shape = "sphere" if thing.rolls and not thing.container else "cylinder" if thing.container else None
+    shape: Shape | None = "sphere" if thing.rolls and not thing.container else "cylinder" if thing.container else None
     return TrueObject(name, world.object_pose(name), thing.extents, shape)
 
 

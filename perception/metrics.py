@@ -1,13 +1,13 @@
 """How good a look was, measured against what truly was there: boxes, masks, poses, joints. Needs numpy only.
 
-Boxes are judged over questions. A question is one phrase asked of one picture; its detections are compared with the true
-boxes of that phrase in that picture. A detection is right when it is the best-scored one that overlaps a true box, not
-yet taken by a better one, with IoU >= 0.5.
+Boxes are judged over questions. A question is one phrase asked of one picture; its detections are compared with the
+true boxes of that phrase in that picture. A detection is right when it overlaps a true box that no better-scored one
+has taken with IoU >= 0.5.
 
     AP50 = sum over i of (r_i - r_(i-1)) * max over j >= i of p_j
 
-with precision p_i and recall r_i over the first i of all detections of all questions, best score first (COCO's matching,
-interpolated at every point instead of 101).
+with precision p_i and recall r_i over the first i of all detections of all questions, best score first (COCO's
+matching, interpolated at every point instead of 101).
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,9 +21,7 @@ from perception.ground_truth import TrueObject
 from perception.nms import box_iou
 
 RIGHT_IOU = 0.5
-SQUARE = (
-    0.1  # sides that differ by less than this share make a footprint square: turning it by 90 degrees shows nothing
-)
+SQUARE = 0.1  # sides that differ by less than this share make a footprint square
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,7 @@ def compare(estimate: ObjectEstimate, truth: TrueObject) -> PoseError:
 
 
 def _named_alike(rotation: np.ndarray, truth: np.ndarray) -> tuple[float, np.ndarray]:
-    """Name the true box's axes as the estimate's lie: turn left about z in [degrees], which true axis is which, (3,)."""
+    """Turn about z in [degrees] that is left when the true axes are renamed, and which true axis is which, (3,)."""
     best = max(_BOX_TURNS, key=lambda turn: float(np.trace(rotation.T @ truth @ turn)))
     left = truth @ best @ rotation.T
     angle = np.degrees(np.arctan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1]))

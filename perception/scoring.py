@@ -117,8 +117,8 @@ class Scores:
     def as_json(self) -> dict[str, Any]:
         """All figures; null where there was nothing to measure.
 
-        Errors of masks, poses and joints are those of estimates whose box lies on the thing meant (IoU >= 0.5); how many
-        lie on another thing says `wrong_thing_rate`.
+        Errors of masks, poses and joints are those of estimates whose box lies on the thing meant (IoU >= 0.5);
+        `wrong_thing_rate` says how many lie on another thing.
         """
         right = [s for s in self._seen if s.right_thing]
         groups = sorted({s.group for s in self._seen} - {""})

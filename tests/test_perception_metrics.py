@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.estimates import Evidence, ObjectEstimate, SceneEstimate
+from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Shape
 from perception.ground_truth import FrameTruth, TrueObject
 from perception.interfaces import Detection
 from perception.metrics import (
@@ -99,7 +99,7 @@ def turned(yaw_deg: float, position: tuple[float, float, float] = (0.0, 0.0, 0.0
     return np.array([[c, -s, 0, position[0]], [s, c, 0, position[1]], [0, 0, 1, position[2]], [0, 0, 0, 1.0]])
 
 
-def estimate(pose: np.ndarray, extents, shape="box", std: float = 0.002) -> ObjectEstimate:
+def estimate(pose: np.ndarray, extents, shape: Shape = "box", std: float = 0.002) -> ObjectEstimate:
     return ObjectEstimate(
         "red_block", "red block", pose, np.array(extents, float), shape, np.full(3, std), 0.01, 0.9, 1.0
     )
