@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from perception.errors import FrameError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
+from perception.instances import group_by_thing, instance_name
 from perception.interfaces import Detection, Detector, Segmenter
 from perception.looks import look_of
 from perception.merging import merge
@@ -38,11 +39,13 @@ class Perception:
         detector: Draws boxes for phrases.
         segmenter: Turns boxes into masks.
         settings: Of the pose estimate.
+        most_per_phrase: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
     """
 
     detector: Detector
     segmenter: Segmenter
     settings: PoseSettings = field(default_factory=PoseSettings)
+    most_per_phrase: int = 1
 
     @property
     def name(self) -> str:
@@ -57,7 +60,8 @@ class Perception:
             names: Names such as "red_cube"; the phrase that is looked for is the name with spaces.
 
         Returns:
-            One estimate per name that was seen (things seen by several cameras are merged), the others with reasons.
+            One estimate per name that was seen, or up to `most_per_phrase` (things seen by several cameras are merged),
+            the others with reasons.
             A camera without any depth (a wrist camera close to something) is left out and named in `source`.
 
         Raises:
@@ -80,10 +84,14 @@ class Perception:
         started = time.perf_counter()
         objects, unseen = [], []
         for name in wanted:
-            seen = [view.found[name] for view in views if name in view.found]
-            if seen:
-                objects.append(merge(seen))
-            else:
+            phrase = name.replace("_", " ")
+            seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
+            # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
+            groups = group_by_thing(seen) if self.most_per_phrase > 1 else [[o for view in seen for o in view]]
+            for i, group in enumerate(groups[: self.most_per_phrase] if any(seen) else ()):
+                free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
+                objects.append(replace(merge(group), name=free))
+            if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
         supports = [v.support.height for v in views if v.support.seen] or [0.0]
         seconds["merge"] += time.perf_counter() - started
@@ -102,8 +110,12 @@ class Perception:
         phrases = {name.replace("_", " "): name for name in names}
         boxes = suppress(self.detector.detect(frame, tuple(phrases))) if phrases else []
         best: dict[str, Detection] = {}
+        counts = dict.fromkeys(phrases, 0)
         for box in boxes:
-            best.setdefault(phrases[box.phrase], box)
+            if counts[box.phrase] < self.most_per_phrase:
+                counts[box.phrase] += 1
+                name = phrases[box.phrase]
+                best[instance_name(name, {*names, *best}) if name in best else name] = box
         seconds["detect"] += time.perf_counter() - clock
 
         clock = time.perf_counter()

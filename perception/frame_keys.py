@@ -1,0 +1,33 @@
+"""Keys by which files that belong to single frames of a recording name them."""
+
+import re
+from pathlib import Path
+
+from perception.recording import Recording
+from perception.recording_png import find_pairs
+
+
+def frame_keys(path: Path, recording: Recording) -> tuple[str, ...] | None:
+    """The key of each frame in the recording's order, broken ones among them; None where the number is unknown.
+
+    Frames of a folder of PNG pairs are named like their depth file up to the word depth ("000002-depth.png" is
+    "000002", "depth/0007.png" is "0007"); where that does not tell them apart, and in any other recording, frames are
+    numbered from 0: "0", "1", ...
+
+    Args:
+        path: The recording.
+        recording: The same, opened.
+    """
+    if recording.count is None:
+        return None
+    if path.is_dir() and not (path / "scene_camera.json").is_file():
+        names = [key_of_depth_file(depth) for _, depth in find_pairs(path)]
+        if len(set(names)) == len(names) == recording.count and all(names):
+            return tuple(names)
+    return tuple(str(i) for i in range(recording.count))
+
+
+def key_of_depth_file(file: Path) -> str:
+    """What a depth picture is called before the word depth, or behind it, or without it."""
+    before, _, behind = re.sub("depth", "\0", file.stem, count=1, flags=re.IGNORECASE).partition("\0")
+    return before.strip("-_. ") or behind.strip("-_. ")
