@@ -6,8 +6,8 @@ It is the `data` of a std_msgs/String on the topic `/replan/truth`:
      "objects": [{"name": "red_cube", "world_T_object": [[...], [...], [...], [...]], "extents": [0.05, 0.05, 0.05],
                   "shape": "box", "label": 1, "visible_share": 0.8, "joint_fractions": {"door": 0.5}}]}
 
-Camera and stamp are those of the frame; units are metres. `label` is the object's value in the picture of labels that was
-recorded with the frame (topic `/<camera>/truth/labels`, mono16), where there is one.
+Camera and stamp are those of the frame; units are metres. `label` is the object's value in the picture of labels that
+was recorded with the frame (topic `/<camera>/truth/labels`, mono16), where there is one.
 """
 
 from typing import Literal

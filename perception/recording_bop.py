@@ -28,7 +28,7 @@ from perception.ground_truth import FrameTruth, TrueObject
 from perception.levelling import camera_above_plane
 from perception.recorded_truth import box_around
 from perception.recording import Recording, Skipped, TruthOfFrame
-from perception.recording_png import read_picture
+from perception.recording_png import first_depth, read_picture
 
 CAMERA_FILE, TRUTH_FILE, INFO_FILE = "scene_camera.json", "scene_gt.json", "scene_gt_info.json"
 COLOUR_FOLDERS, COLOUR_ENDINGS = ("rgb", "gray"), (".png", ".jpg", ".jpeg", ".tif")
@@ -69,9 +69,8 @@ class BopScene(Recording):
         self._scale = depth_scale
         notes = []
         if depth_scale is not None or not said:
-            first = folder / "depth" / f"{min(self._cameras):06d}.png"
-            picture = cv2.imread(str(first), cv2.IMREAD_UNCHANGED)
-            self._scale, note = checked_scale(depth_scale, picture, f"the depth pictures of '{folder}'")
+            first = first_depth(folder / "depth" / f"{k:06d}.png" for k in sorted(self._cameras))
+            self._scale, note = checked_scale(depth_scale, first, f"the depth pictures of '{folder}'")
             notes += [note] if note else []
         with_world = sum(isinstance(c, dict) and "cam_R_w2c" in c for c in self._cameras.values())
         if with_world:
@@ -125,12 +124,9 @@ class BopScene(Recording):
         if not isinstance(entries, list):
             raise FrameError(f"picture {number} of '{self._folder / TRUTH_FILE}' is no list of objects")
         present = [int(_numbers(e, "obj_id", (), f"picture {number} of '{TRUTH_FILE}'")) for e in entries]
-        objects, seen = [], dict.fromkeys(present, 0)
+        objects = []
         for k, (entry, number_of_object) in enumerate(zip(entries, present, strict=True)):
             name = name_of(number_of_object, self._names)
-            seen[number_of_object] += 1
-            if present.count(number_of_object) > 1:
-                name += f"_{seen[number_of_object]}"
             info = infos[k] if k < len(infos) and isinstance(infos[k], dict) else {}
             thing = self._object(number, k, entry, name, frame, float(info.get("visib_fract", 1.0)))
             if thing is not None:

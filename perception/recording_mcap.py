@@ -1,7 +1,7 @@
 """MCAP recordings of ROS 2 cameras: colour, registered depth, CameraInfo and the transforms up to a world.
 
-The file is read twice: once for its topics and transforms, once frame by frame. No more than a chunk of the file and the
-pictures that wait for their partners are held.
+The file is read twice: once for its topics and transforms, once frame by frame. No more than a chunk of the file and
+the pictures that wait for their partners are held.
 """
 
 import math
@@ -117,8 +117,8 @@ class McapRecording(Recording):
             for camera, frames in above.items():
                 if self._choice.world.lstrip("/") not in frames:
                     raise FrameError(
-                        f"no transform leads from the world '{self._choice.world}' to camera '{camera}'; its frame hangs "
-                        f"on {', '.join(frames)}; name one of them with --world"
+                        f"no transform leads from the world '{self._choice.world}' to camera '{camera}'; its frame "
+                        f"hangs on {', '.join(frames)}; name one of them with --world"
                     )
             return self._choice.world
         return next((w for w in WORLDS if all(w in frames for frames in above.values())), None)

@@ -5,8 +5,8 @@
 Depth of 16 bits is in millimetres with 0 where unknown (REP 118). Depth of floating point numbers is in metres; NaN is
 hidden from one of the two cameras, -inf too near, +inf too far (REP 117), which all are NaN here.
 
-`compressedDepth` puts 12 bytes in front of a PNG of 16 bits: an int32 and two float32 a, b. A picture of 16UC1 is stored
-as it is; of 32FC1 the PNG holds inverse depths v, so that  depth = a / (v - b)  and v = 0 is unknown
+`compressedDepth` puts 12 bytes in front of a PNG of 16 bits: an int32 and two float32 a, b. A picture of 16UC1 is
+stored as it is; of 32FC1 the PNG holds inverse depths v, so that  depth = a / (v - b)  and v = 0 is unknown
 (compressed_depth_image_transport).
 """
 
