@@ -8,7 +8,8 @@ pose in it the plane that things stand on becomes the world's z = 0 (`perception
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,7 @@ from perception.depth_units import checked_scale, depth_in_metres
 from perception.errors import FrameError
 from perception.frames import RgbdFrame
 from perception.levelling import camera_above_plane
+from perception.picture_bytes import decode_picture
 from perception.recording import Recording, Skipped, TruthOfFrame
 from perception.recording_intrinsics import FrameNotes, IntrinsicsFile, find_intrinsics, read_intrinsics
 
@@ -41,8 +43,8 @@ class PngFolder(Recording):
     def __init__(self, folder: Path, intrinsics: Path | None = None, depth_scale: float | None = None) -> None:
         self._file = read_intrinsics(intrinsics or find_intrinsics(folder))
         self._pairs = find_pairs(folder)
-        said = depth_scale or self._file.depth_scale
-        first = next((d for _, f in self._pairs if (d := cv2.imread(str(f), cv2.IMREAD_UNCHANGED)) is not None), None)
+        said = self._file.depth_scale if depth_scale is None else depth_scale
+        first = None if said else first_depth(depth for _, depth in self._pairs)
         self._scale, note = checked_scale(said, first, f"the depth pictures of '{folder}'")
         super().__init__(folder.name, len(self._pairs), notes=(note,) if note else ())
 
@@ -94,11 +96,19 @@ def read_picture(what: str, file: Path, flag: int) -> np.ndarray:
     Raises:
         FrameError: There is no such file, or it cannot be read as a picture.
     """
-    picture = cv2.imread(str(file), flag)
-    if picture is None:
-        why = "cannot be read as a picture" if file.exists() else "is not there"
-        raise FrameError(f"the {what} picture '{file}' {why}")
-    return picture
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise FrameError(f"the {what} picture '{file}' cannot be read: {error.strerror}") from error
+    return decode_picture(data, flag, f"the {what} picture '{file}'")
+
+
+def first_depth(files: Iterable[Path]) -> np.ndarray | None:
+    """The first of some depth pictures that can be read; None where none can."""
+    for file in files:
+        with suppress(FrameError):
+            return read_picture("depth", file, cv2.IMREAD_UNCHANGED)
+    return None
 
 
 def find_pairs(folder: Path) -> tuple[tuple[Path, Path], ...]:

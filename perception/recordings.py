@@ -1,33 +1,16 @@
 """Opening recorded RGB-D frames, whatever their format: PNG folders, BOP scenes, MCAP of ROS 2, the project's .npz."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from perception.errors import FrameError
+from perception.mcap_cameras import McapChoice
 from perception.recording import Recording, Skipped, TruthOfFrame
+from perception.recording_bop import CAMERA_FILE, BopScene, scenes_below
+from perception.recording_mcap import McapRecording
 from perception.recording_npz import NpzRecording, save_npz
 from perception.recording_png import PngFolder
 
 __all__ = ["McapChoice", "Recording", "Skipped", "TruthOfFrame", "open_recording", "save_npz"]
-
-
-@dataclass(frozen=True)
-class McapChoice:
-    """What to read out of an MCAP file; the defaults find it.
-
-    Attributes:
-        colour, depth, info: Topics of one camera: its colour picture, its registered depth, its CameraInfo.
-        cameras: Names of the cameras to read, as the notes of a recording name them; empty for all.
-        world: Frame of the transforms that becomes the world.
-        tolerance: Largest difference of the stamps of colour and depth in [s].
-    """
-
-    colour: str | None = None
-    depth: str | None = None
-    info: str | None = None
-    cameras: tuple[str, ...] = ()
-    world: str | None = None
-    tolerance: float = 0.02
 
 
 def open_recording(
@@ -57,12 +40,51 @@ def open_recording(
             Single pictures that are broken do not raise: `Recording.skipped` names them.
     """
     path = Path(path)
+    lens = Path(intrinsics) if intrinsics is not None else None
+    if path.is_dir() and (path / CAMERA_FILE).is_file():
+        _refuse(path, "a BOP scene says its intrinsics itself", intrinsics=lens, mcap=mcap)
+        return BopScene(path, depth_scale, _path(models), _path(object_names))
     if path.is_dir():
-        return PngFolder(path, Path(intrinsics) if intrinsics else None, depth_scale)
+        _refuse(path, "a folder of PNG pairs", mcap=mcap, models=models, object_names=object_names)
+        scenes = scenes_below(path)
+        if scenes and lens is None:
+            some = ", ".join(f"'{s}'" for s in scenes[:5]) + (f" and {len(scenes) - 5} more" if len(scenes) > 5 else "")
+            raise FrameError(
+                f"'{path}' is not one recording: it holds {len(scenes)} BOP scenes, {some}; name one of them"
+            )
+        return PngFolder(path, lens, depth_scale)
     if not path.exists():
         raise FrameError(
             f"there is no recording '{path}'; give a folder of PNG pairs or a BOP scene, an .mcap or an .npz file"
         )
+    if path.suffix.lower() == ".mcap":
+        _refuse(path, "an MCAP file", models=models, object_names=object_names)
+        return McapRecording(path, lens, depth_scale, mcap)
     if path.suffix.lower() != ".npz":
-        raise FrameError(f"'{path}' is neither a folder of PNG pairs or of a BOP scene, nor an .mcap or an .npz file")
+        raise FrameError(f"'{path}' is neither a folder of PNG pairs or a BOP scene, nor an .mcap or an .npz file")
+    _refuse(
+        path,
+        "a dump of frames says everything itself",
+        intrinsics=lens,
+        depth_scale=depth_scale,
+        mcap=mcap,
+        models=models,
+        object_names=object_names,
+    )
     return NpzRecording(path)
+
+
+def _path(path: Path | str | None) -> Path | None:
+    return None if path is None else Path(path)
+
+
+def _refuse(path: Path, what: str, **options: object) -> None:
+    """Refuse options that this kind of recording has no use for.
+
+    Raises:
+        FrameError: One was given.
+    """
+    for name, value in options.items():
+        if value is not None:
+            option = "options of MCAP topics" if name == "mcap" else f"--{name.replace('_', '-')}"
+            raise FrameError(f"'{path}' has no use for {option}: {what}; leave it out")
