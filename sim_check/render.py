@@ -130,6 +130,40 @@ class Offscreen:
             self._scene.flags[flat] = 0
         return self._metres(np.flipud(buffer))
 
+    def depth_and_geoms(
+        self, data: mujoco.MjData, view: str | FreeView, width: int, height: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Depth as `depth` gives it, and which geom each pixel shows; arguments as for `colour`.
+
+        Returns:
+            Depth in [m], float32, and ids of the model's geoms, int32, -1 where there is none; (height, width) each.
+        """
+        if self._sharp is None:
+            self._context.make_current()
+            self._sharp = self._buffers(0)
+        flat = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flat] = 1
+        try:
+            rect = self._draw(self._sharp, data, view, width, height)
+            buffer = np.empty((height, width), np.float32)
+            painted = np.empty((height, width, 3), np.uint8)
+            mujoco.mjr_readPixels(painted, buffer, rect, self._sharp)
+        finally:
+            self._scene.flags[flat] = 0
+        # MuJoCo paints each drawn thing in the colour of its number + 1.
+        number = painted.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+        geom_of = np.full(self._scene.ngeom + 1, -1, np.int32)
+        for i in range(self._scene.ngeom):
+            drawn = self._scene.geoms[i]
+            if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM and drawn.segid >= 0:
+                geom_of[drawn.segid + 1] = drawn.objid
+        return self._metres(np.flipud(buffer)), geom_of[np.flipud(number)]
+
+    def upload_texture(self, texture: int) -> None:
+        """Show a texture of the model as it is now, after its data were rewritten."""
+        self._context.make_current()
+        mujoco.mjr_uploadTexture(self._model, self._smooth, texture)
+
     def _buffers(self, samples: int) -> mujoco.MjrContext:
         """Offscreen buffers with this many samples a pixel, which MuJoCo reads from the model."""
         quality = self._model.vis.quality
