@@ -4,12 +4,15 @@ import re
 from pathlib import Path
 
 from perception.recording import Recording
+from perception.recording_bop import CAMERA_FILE, BopScene, by_number
 from perception.recording_png import find_pairs
 
 
 def frame_keys(path: Path, recording: Recording) -> tuple[str, ...] | None:
-    """The key of each frame in the recording's order, broken ones among them; None where the number is unknown.
+    """The key of each frame in the recording's order, broken ones among them.
 
+    Where the number of frames is unknown (MCAP) it is None: frames are numbered as they are read, from 0.
+    Pictures of a BOP scene are named by their number in six digits ("000003").
     Frames of a folder of PNG pairs are named like their depth file up to the word depth ("000002-depth.png" is
     "000002", "depth/0007.png" is "0007"); where that does not tell them apart, and in any other recording, frames are
     numbered from 0: "0", "1", ...
@@ -20,7 +23,9 @@ def frame_keys(path: Path, recording: Recording) -> tuple[str, ...] | None:
     """
     if recording.count is None:
         return None
-    if path.is_dir() and not (path / "scene_camera.json").is_file():
+    if isinstance(recording, BopScene):
+        return tuple(f"{number:06d}" for number in sorted(by_number(path / CAMERA_FILE)))
+    if path.is_dir():
         names = [key_of_depth_file(depth) for _, depth in find_pairs(path)]
         if len(set(names)) == len(names) == recording.count and all(names):
             return tuple(names)

@@ -120,6 +120,13 @@ class GivenMasks:
         """The seed, which is the mask; nothing without one."""
         return np.zeros(frame.depth.shape, bool) if seed is None else seed
 
+    def segment_all(
+        self, frame: RgbdFrame, boxes_px: np.ndarray, seeds: Sequence[np.ndarray | None] = ()
+    ) -> np.ndarray:
+        """The seeds of several boxes, bool, shape (n, height, width)."""
+        masks = [self.segment(frame, box, seed) for box, seed in zip(boxes_px, seeds, strict=True)]
+        return np.array(masks, bool).reshape(-1, *frame.depth.shape)
+
 
 class BoxesByFrame:
     """A file of boxes, read and checked.

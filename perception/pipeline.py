@@ -39,13 +39,13 @@ class Perception:
         detector: Draws boxes for phrases.
         segmenter: Turns boxes into masks.
         settings: Of the pose estimate.
-        most_per_phrase: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
+        instances: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
     """
 
     detector: Detector
     segmenter: Segmenter
     settings: PoseSettings = field(default_factory=PoseSettings)
-    most_per_phrase: int = 1
+    instances: int = 1
 
     @property
     def name(self) -> str:
@@ -60,7 +60,7 @@ class Perception:
             names: Names such as "red_cube"; the phrase that is looked for is the name with spaces.
 
         Returns:
-            One estimate per name that was seen, or up to `most_per_phrase` (things seen by several cameras are merged),
+            One estimate per name that was seen, or up to `instances` of it (things seen by several cameras are merged),
             the others with reasons.
             A camera without any depth (a wrist camera close to something) is left out and named in `source`.
 
@@ -87,8 +87,8 @@ class Perception:
             phrase = name.replace("_", " ")
             seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
             # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
-            groups = group_by_thing(seen) if self.most_per_phrase > 1 else [[o for view in seen for o in view]]
-            for i, group in enumerate(groups[: self.most_per_phrase] if any(seen) else ()):
+            groups = group_by_thing(seen) if self.instances > 1 else [[o for view in seen for o in view]]
+            for i, group in enumerate(groups[: self.instances] if any(seen) else ()):
                 free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
                 objects.append(replace(merge(group), name=free))
             if not any(seen):
@@ -112,7 +112,7 @@ class Perception:
         best: dict[str, Detection] = {}
         counts = dict.fromkeys(phrases, 0)
         for box in boxes:
-            if counts[box.phrase] < self.most_per_phrase:
+            if counts[box.phrase] < self.instances:
                 counts[box.phrase] += 1
                 name = phrases[box.phrase]
                 best[instance_name(name, {*names, *best}) if name in best else name] = box

@@ -134,9 +134,7 @@ def test_several_things_of_one_name_are_found_when_they_are_asked_for():
     embedded = default_perception()
     one = embedded.perceive([frame], ["red_cube", "yellow_cube"])
     assert one.names == ("red_cube", "yellow_cube")
-    two = Perception(embedded.detector, embedded.segmenter, most_per_phrase=3).perceive(
-        [frame], ["red_cube", "yellow_cube"]
-    )
+    two = Perception(embedded.detector, embedded.segmenter, instances=3).perceive([frame], ["red_cube", "yellow_cube"])
     assert two.names == ("red_cube", "red_cube_2", "yellow_cube")
     assert sorted(round(float(o.position[1]), 2) for o in two.objects[:2]) == [-0.12, 0.12]
     assert [o.phrase for o in two.objects[:2]] == ["red cube", "red cube"]
@@ -147,7 +145,7 @@ def test_two_cameras_agree_on_which_of_two_is_which():
     left = render(things, eye=(1.0, -0.4, 0.6), camera="left")
     right = render(things, eye=(1.0, 0.4, 0.6), camera="right", seed=1)
     embedded = default_perception()
-    scene = Perception(embedded.detector, embedded.segmenter, most_per_phrase=2).perceive([left, right], ["red_cube"])
+    scene = Perception(embedded.detector, embedded.segmenter, instances=2).perceive([left, right], ["red_cube"])
     assert scene.names == ("red_cube", "red_cube_2")
     assert [len(o.evidence) for o in scene.objects] == [2, 2]
 
