@@ -2,7 +2,8 @@
 
 PerceptionError
 ├── FrameError            a frame that cannot be used: wrong size, no valid depth, bad intrinsics
-├── ModelUnavailableError a detector or segmenter whose weights or packages are not on this machine
+├── ModelUnavailableError a detector or segmenter whose weights, packages or device are not on this machine
+├── OptionError           an option that is outside of its range
 └── UnknownPhraseError    a phrase that the chosen detector has no way to look for
 
 The other folders have `control.errors.StackError` as their root; `replan.errors` draws both together.
@@ -18,7 +19,11 @@ class FrameError(PerceptionError):
 
 
 class ModelUnavailableError(PerceptionError):
-    """A model whose weights or packages are not on this machine."""
+    """A model whose weights, packages or device are not on this machine."""
+
+
+class OptionError(PerceptionError):
+    """An option of perception that is not valid."""
 
 
 class UnknownPhraseError(PerceptionError):

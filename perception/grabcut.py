@@ -1,14 +1,14 @@
 """Masks from boxes with OpenCV's GrabCut, trimmed by depth: no learned model."""
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from perception.cloud import height_map
 from perception.frames import RgbdFrame
-from perception.support import estimate_support
+from perception.low_pixels import surely_support
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,26 @@ class GrabCutSegmenter:
             box_px: (x0, y0, x1, y1) in [px], shape (4,).
             seed: Pixels that the detector is sure of; the rest of the box then starts as probable background.
         """
+        return self.segment_all(frame, np.reshape(box_px, (1, 4)), (seed,))[0]
+
+    def segment_all(
+        self, frame: RgbdFrame, boxes_px: np.ndarray, seeds: Sequence[np.ndarray | None] = ()
+    ) -> np.ndarray:
+        """Pixels of the objects in several boxes, one after the other, bool, shape (n, height, width).
+
+        Args:
+            frame: Picture to cut from.
+            boxes_px: (x0, y0, x1, y1) in [px], shape (n, 4).
+            seeds: One entry a box as in `segment`, or none at all.
+        """
+        if not len(boxes_px):
+            return np.zeros((0, *frame.depth.shape), bool)
+        low = surely_support(frame, self.settings.clearance, self.settings.foot_px)
+        seeds = seeds or [None] * len(boxes_px)
+        return np.array([self._cut(frame, box, seed, low) for box, seed in zip(boxes_px, seeds, strict=True)])
+
+    def _cut(self, frame: RgbdFrame, box_px: np.ndarray, seed: np.ndarray | None, support: np.ndarray) -> np.ndarray:
+        """One mask, bool, shape (height, width); `support` are pixels that are surely not it, same shape."""
         mask = np.zeros(frame.depth.shape, bool)
         width, height = frame.intrinsics.width, frame.intrinsics.height
         x0, y0, x1, y1 = _whole_pixels(box_px, width, height)
@@ -70,7 +90,7 @@ class GrabCutSegmenter:
             labels[seed[crop]] = cv2.GC_PR_FGD
         else:
             labels[box] = cv2.GC_PR_FGD
-        low = self._support_pixels(frame)[crop]
+        low = support[crop]
         labels[low & (labels == cv2.GC_PR_FGD)] = cv2.GC_PR_BGD
         picture = np.ascontiguousarray(frame.colour[crop])
         if not (labels == cv2.GC_PR_FGD).any():
@@ -91,16 +111,6 @@ class GrabCutSegmenter:
         cut = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & ~low
         mask[crop] = _main_piece(cut)
         return mask
-
-    def _support_pixels(self, frame: RgbdFrame) -> np.ndarray:
-        """Pixels that are surely the support: low, like everything around them. bool, shape (height, width)."""
-        support = estimate_support(frame)
-        heights = height_map(frame)
-        known = np.isfinite(heights)
-        smooth = cv2.medianBlur(np.where(known, heights, 1.0).astype(np.float32), 3)
-        low = known & (smooth < support.height + self.settings.clearance)
-        size = 2 * self.settings.foot_px + 1
-        return cv2.erode(low.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
 
 
 def _whole_pixels(box: np.ndarray, width: int, height: int) -> tuple[int, int, int, int]:

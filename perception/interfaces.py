@@ -62,3 +62,15 @@ class Segmenter(Protocol):
             seed: `Detection.seed`; segmenters that need no start ignore it.
         """
         ...
+
+    def segment_all(
+        self, frame: RgbdFrame, boxes_px: np.ndarray, seeds: Sequence[np.ndarray | None] = ()
+    ) -> np.ndarray:
+        """The same for several boxes of one picture, bool, shape (n, height, width).
+
+        Args:
+            frame: Picture to cut from.
+            boxes_px: (x0, y0, x1, y1) in [px], shape (n, 4).
+            seeds: One entry a box, or none at all.
+        """
+        ...

@@ -23,7 +23,10 @@ def box_iou(boxes_a: np.ndarray, boxes_b: np.ndarray) -> np.ndarray:
 
 
 def suppress(
-    detections: Sequence[Detection], same_phrase_iou: float = 0.5, other_phrase_iou: float = 0.75
+    detections: Sequence[Detection],
+    same_phrase_iou: float = 0.5,
+    other_phrase_iou: float = 0.75,
+    most_per_phrase: int | None = None,
 ) -> list[Detection]:
     """Drop boxes that overlap a better one, within a phrase and between phrases.
 
@@ -34,14 +37,22 @@ def suppress(
         detections: In any order.
         same_phrase_iou: Highest IoU with a better box of the same phrase, 0..1.
         other_phrase_iou: Highest IoU with a better box of another phrase, 0..1.
+        most_per_phrase: At most so many boxes of a phrase stay; any number if None.
 
     Returns:
         Those that stay, best first; ties keep their order.
     """
-    kept: list[Detection] = []
-    for one in sorted(detections, key=lambda d: -d.score):
-        overlaps = box_iou(one.box_px, np.array([k.box_px for k in kept]).reshape(-1, 4))[0]
-        limits = [same_phrase_iou if k.phrase == one.phrase else other_phrase_iou for k in kept]
-        if all(iou <= limit for iou, limit in zip(overlaps, limits, strict=True)):
-            kept.append(one)
-    return kept
+    ranked = sorted(detections, key=lambda d: -d.score)
+    numbers = {phrase: k for k, phrase in enumerate(dict.fromkeys(d.phrase for d in ranked))}
+    boxes = np.array([d.box_px for d in ranked], float).reshape(-1, 4)
+    phrases = np.array([numbers[d.phrase] for d in ranked], int)
+    counts = dict.fromkeys(numbers.values(), 0)
+    kept: list[int] = []
+    for i, phrase in enumerate(phrases):
+        if most_per_phrase is not None and counts[phrase] >= most_per_phrase:
+            continue
+        limits = np.where(phrases[kept] == phrase, same_phrase_iou, other_phrase_iou)
+        if np.all(box_iou(boxes[i], boxes[kept])[0] <= limits):
+            kept.append(i)
+            counts[phrase] += 1
+    return [ranked[i] for i in kept]

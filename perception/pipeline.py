@@ -3,9 +3,11 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
+from perception import bundled
 from perception.errors import FrameError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
@@ -14,6 +16,7 @@ from perception.interfaces import Detection, Detector, Segmenter
 from perception.looks import look_of
 from perception.merging import merge
 from perception.nms import suppress
+from perception.options import PerceptionOptions
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
 from perception.refine import Refined
 from perception.solids import Solid
@@ -39,12 +42,14 @@ class Perception:
         detector: Draws boxes for phrases.
         segmenter: Turns boxes into masks.
         settings: Of the pose estimate.
+        options: Which boxes that overlap are kept, and how many.
         instances: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
     """
 
     detector: Detector
     segmenter: Segmenter
     settings: PoseSettings = field(default_factory=PoseSettings)
+    options: PerceptionOptions = field(default_factory=PerceptionOptions)
     instances: int = 1
 
     @property
@@ -108,7 +113,7 @@ class Perception:
         """Everything one camera can say; adds the time spent to `seconds`."""
         clock = time.perf_counter()
         phrases = {name.replace("_", " "): name for name in names}
-        boxes = suppress(self.detector.detect(frame, tuple(phrases))) if phrases else []
+        boxes = self._boxes(frame, tuple(phrases)) if phrases else []
         best: dict[str, Detection] = {}
         counts = dict.fromkeys(phrases, 0)
         for box in boxes:
@@ -119,7 +124,9 @@ class Perception:
         seconds["detect"] += time.perf_counter() - clock
 
         clock = time.perf_counter()
-        masks = {n: self.segmenter.segment(frame, box.box_px, box.seed) for n, box in best.items()}
+        corners = np.array([box.box_px for box in best.values()]).reshape(-1, 4)
+        cut = self.segmenter.segment_all(frame, corners, [box.seed for box in best.values()])
+        masks = dict(zip(best, cut, strict=True))
         _give_shared_pixels_to_the_smaller(masks)
         seconds["segment"] += time.perf_counter() - clock
 
@@ -152,6 +159,16 @@ class Perception:
         seconds["pose"] += time.perf_counter() - clock
         return _View(found, missing, support)
 
+    def _boxes(self, frame: RgbdFrame, phrases: tuple[str, ...]) -> list[Detection]:
+        """What the detector found, without boxes of what a better one has found already."""
+        options = self.options
+        return suppress(
+            self.detector.detect(frame, phrases),
+            options.same_phrase_iou,
+            options.other_phrase_iou,
+            options.most_per_phrase,
+        )
+
     def _estimate(
         self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, fitted: Refined
     ) -> ObjectEstimate:
@@ -181,34 +198,64 @@ def _give_shared_pixels_to_the_smaller(masks: dict[str, np.ndarray]) -> None:
 
 
 def default_perception() -> Perception:
-    """The embedded defaults: OpenCV only, no weights, no network."""
-    from perception.colour_shape import ColourShapeDetector
-    from perception.grabcut import GrabCutSegmenter
-
-    return Perception(ColourShapeDetector(), GrabCutSegmenter())
+    """The embedded defaults: no network."""
+    return perception_from_options()
 
 
-def perception_from_options(detector: str = "colour", segmenter: str = "grabcut", offline: bool = False) -> Perception:
+def perception_from_options(
+    detector: str = "default", segmenter: str = "default", options: PerceptionOptions | None = None
+) -> Perception:
     """Perception from two words or model names.
 
     Args:
-        detector: "colour", or a folder or hub name of a model for zero-shot detection such as
+        detector: "default", "colour", "bundled", or a folder or hub name of a model for zero-shot detection such as
             "IDEA-Research/grounding-dino-tiny".
-        segmenter: "grabcut", or a folder or hub name of a SAM or SAM 2 such as "facebook/sam-vit-base".
-        offline: Never ask the hub; only folders and what earlier downloads left on this machine.
+        segmenter: "default", "grabcut", "bundled", or a folder or hub name of a SAM or SAM 2 such as
+            "facebook/sam-vit-base".
+        options: How they run and what is kept; its defaults if None.
 
     Raises:
-        ModelUnavailableError: Weights or packages are not on this machine; says the command that fetches them.
+        ModelUnavailableError: There are no bundled weights. Other weights are looked for at the first look.
     """
-    embedded = default_perception()
-    chosen_detector: Detector = embedded.detector
-    chosen_segmenter: Segmenter = embedded.segmenter
-    if detector != "colour":
-        from perception.hf_models import TransformersDetector
+    options = options or PerceptionOptions()
+    return Perception(_detector(detector, options), _segmenter(segmenter, options), options=options)
 
-        chosen_detector = TransformersDetector(detector, offline=offline)
-    if segmenter != "grabcut":
-        from perception.hf_models import TransformersSegmenter
 
-        chosen_segmenter = TransformersSegmenter(segmenter, offline=offline)
-    return Perception(chosen_detector, chosen_segmenter)
+def _detector(name: str, options: PerceptionOptions) -> Detector:
+    name = bundled.DEFAULT_DETECTOR if name == "default" else name
+    if name == "colour":
+        from perception.colour_shape import ColourShapeDetector, ColourShapeSettings
+
+        settings = ColourShapeSettings()
+        if options.threshold is not None:
+            settings = replace(settings, threshold=options.threshold)
+        return ColourShapeDetector(settings)
+    if name == "bundled":
+        return bundled.BundledDetector(threshold=options.threshold, device=options.device, precision=options.precision)
+    from perception.hf_models import THRESHOLD, TransformersDetector
+
+    return TransformersDetector(
+        name,
+        offline=options.offline,
+        threshold=THRESHOLD if options.threshold is None else options.threshold,
+        device=options.device,
+        precision=options.precision,
+    )
+
+
+def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
+    name = bundled.DEFAULT_SEGMENTER if name == "default" else name
+    if name == "grabcut":
+        from perception.grabcut import GrabCutSegmenter
+
+        return GrabCutSegmenter()
+    if name == "bundled":
+        return bundled.bundled_segmenter(options.device, options.precision)
+    from perception.crop_segmenter import CropSegmenter, read_crop_settings
+    from perception.hf_models import TransformersSegmenter
+
+    folder = Path(name).expanduser()
+    crops = read_crop_settings(folder)
+    if crops is not None:
+        return CropSegmenter(folder, crops, options.device, options.precision)
+    return TransformersSegmenter(name, options.offline, options.device, options.precision)

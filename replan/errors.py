@@ -7,7 +7,7 @@ Exit codes: 0 done, 1 error with a one-line reason, 2 usage, 3 goal not reached,
 """
 
 from control.errors import ConfigError, GoalError, MachineError, MotionFileError, RefusedError, StackError
-from perception.errors import PerceptionError
+from perception.errors import OptionError, PerceptionError
 
 DONE, ERROR, USAGE, NOT_REACHED, UNSAFE, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
@@ -20,6 +20,6 @@ def exit_code(error: BaseException) -> int:
         return UNSAFE
     if isinstance(error, MachineError):
         return ERROR
-    if isinstance(error, (ConfigError, GoalError, MotionFileError)):
+    if isinstance(error, (ConfigError, GoalError, MotionFileError, OptionError)):
         return USAGE
     return ERROR

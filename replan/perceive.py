@@ -7,6 +7,7 @@ from typing import Any
 
 from control.errors import ConfigError
 from perception.estimates import SceneEstimate
+from perception.options import PerceptionOptions
 from perception.pictures import overlay
 from perception.pipeline import perception_from_options
 from perception.ply import write_ply
@@ -77,7 +78,7 @@ def perceive_recording(
     out: Path,
     detector: str,
     segmenter: str,
-    offline: bool,
+    options: PerceptionOptions,
     say: Callable[[str], None],
     intrinsics: Path | None = None,
 ) -> PerceiveReport:
@@ -87,7 +88,7 @@ def perceive_recording(
         recording: Folder of PNG pairs or .npz file, see `perception.recordings`.
         names: What to look for.
         out: Folder for pictures and objects.json; made when absent.
-        detector, segmenter, offline: As in `perception.pipeline.perception_from_options`.
+        detector, segmenter, options: As in `perception.pipeline.perception_from_options`.
         say: Progress.
         intrinsics: Intrinsics file of a folder that holds none.
 
@@ -99,7 +100,7 @@ def perceive_recording(
 
     if not names:
         raise ConfigError("no name given to look for; say --names red_cube crate")
-    perception = perception_from_options(detector, segmenter, offline=offline)
+    perception = perception_from_options(detector, segmenter, options)
     frames = open_recording(recording, intrinsics)
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -6,11 +6,12 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from control.errors import ConfigError, GoalError
+from perception.options import PerceptionOptions
 from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ class RunOptions:
     seed: int = 0
     speed: float = 1.0
     motion_speed: float | None = None
-    detector: str = "colour"
-    segmenter: str = "grabcut"
-    offline: bool = False
+    detector: str = "default"
+    segmenter: str = "default"
+    perception: PerceptionOptions = field(default_factory=PerceptionOptions)
     reasoner: str = "builtin"
     runs_dir: Path = Path("runs")
     video: bool = True
@@ -132,7 +133,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from replan.hands import TwinCheckedHands
     from replan.judge import SeenJudge
 
-    perception = perception_from_options(options.detector, options.segmenter, offline=options.offline)
+    perception = perception_from_options(options.detector, options.segmenter, options.perception)
     reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
     film = Film()

@@ -243,6 +243,9 @@ def test_masks_wider_than_the_thing_do_little_harm():
 
             return cv2.dilate(np.asarray(seed).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
 
+        def segment_all(self, frame, boxes_px, seeds=()):
+            return np.array([self.segment(frame, *one) for one in zip(boxes_px, seeds, strict=True)])
+
     embedded = default_perception()
     frame = render([cube(RED, 0.5, 0.0)])
     wide = Perception(embedded.detector, WideMasks()).perceive([frame], ["red_cube"]).objects[0]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+from replan.commands.perception_flags import PerceptionFlags
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -27,12 +29,8 @@ class Perceive:
     """Intrinsics file (YAML or JSON: width, height, fx, fy, cx, cy, depth_scale) when the folder holds none."""
     out: Path = Path("perceived")
     """Folder for pictures and objects.json."""
-    detector: str = "colour"
-    """`colour` (embedded), or a GroundingDINO model: local folder or hub name."""
-    segmenter: str = "grabcut"
-    """`grabcut` (embedded), or a SAM model: local folder or hub name."""
-    offline: bool = False
-    """Never ask a model hub; use local files only."""
+    perception: tyro.conf.OmitArgPrefixes[PerceptionFlags] = field(default_factory=PerceptionFlags)
+    """How things are found in pictures."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
@@ -45,9 +43,9 @@ class Perceive:
             self.recording,
             self.names,
             self.out,
-            self.detector,
-            self.segmenter,
-            self.offline,
+            self.perception.detector,
+            self.perception.segmenter,
+            self.perception.options(),
             console.note,
             intrinsics=self.intrinsics,
         )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
+
+from replan.commands.perception_flags import PerceptionFlags
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -35,12 +37,8 @@ class Run:
     motion_speed: float | None = None
     """Share of the certified speed to play motions at, above 0 and at most 1: the arm moves slower on exactly the same
     path. Stays set on the robot; `replan robot speed` changes it while it moves. Default: as the robot is set."""
-    detector: str = "colour"
-    """`colour` (embedded), or a GroundingDINO model: local folder or hub name."""
-    segmenter: str = "grabcut"
-    """`grabcut` (embedded), or a SAM model: local folder or hub name."""
-    offline: bool = False
-    """Never ask a model hub; use local files only."""
+    perception: tyro.conf.OmitArgPrefixes[PerceptionFlags] = field(default_factory=PerceptionFlags)
+    """How things are found in pictures."""
     reasoner: Literal["builtin"] = "builtin"
     """Language backend; `builtin` is rules, without network."""
     runs_dir: Path = Path("runs")
@@ -67,9 +65,9 @@ class Run:
                 seed=self.seed,
                 speed=self.speed,
                 motion_speed=self.motion_speed,
-                detector=self.detector,
-                segmenter=self.segmenter,
-                offline=self.offline,
+                detector=self.perception.detector,
+                segmenter=self.perception.segmenter,
+                perception=self.perception.options(),
                 reasoner=self.reasoner,
                 runs_dir=self.runs_dir,
                 video=self.video,
