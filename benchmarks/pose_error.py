@@ -10,12 +10,13 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
-from perception.estimates import ObjectEstimate
+from perception.estimates import Shape
 from perception.frames import RgbdFrame
+from perception.ground_truth import TrueObject
+from perception.metrics import PoseError, compare, summary
 from perception.pipeline import Perception, perception_from_options
 from sim_check.cells import load_cell
 from sim_check.world import World, build_world
@@ -23,52 +24,11 @@ from sim_check.world import World, build_world
 SCENES = (("cubes", {}), ("cubes-blocked", {}), ("fruit-bowl", {}), ("fruit-bowl", {"lemon_in_bowl": True}))
 
 
-@dataclass(frozen=True)
-class PoseError:
-    """One estimate against the truth.
-
-    Attributes:
-        name: Object.
-        position_mm: Distance of the centres.
-        yaw_deg: Turn between the boxes, modulo a quarter turn for square footprints and a half turn for others;
-            NaN for round things.
-        extents_mm: Largest difference of a side.
-        normalised: Distance of the centres by the spread that the estimate claims.
-    """
-
-    name: str
-    position_mm: float
-    yaw_deg: float
-    extents_mm: float
-    normalised: float
-
-
-def compare(estimate: ObjectEstimate, pose: np.ndarray, extents: np.ndarray) -> PoseError:
-    """Score one estimate.
-
-    Args:
-        estimate: As perceived.
-        pose: True pose of the box centre in the world, shape (4, 4).
-        extents: True full sizes in [m], shape (3,).
-    """
-    off = estimate.position - pose[:3, 3]
-    yaw = float("nan")
-    true_sides, sides = np.array(extents), np.array(estimate.extents)
-    if estimate.shape == "box":
-        turn = np.degrees(estimate.yaw - np.arctan2(pose[1, 0], pose[0, 0]))
-        square = abs(true_sides[0] - true_sides[1]) < 0.1 * true_sides[:2].max()
-        if not square and round(turn / 90) % 2:
-            true_sides = true_sides[[1, 0, 2]]
-        yaw = abs((turn + 45) % 90 - 45)
-        if square:
-            sides[:2], true_sides[:2] = np.sort(sides[:2]), np.sort(true_sides[:2])
-    return PoseError(
-        estimate.name,
-        1e3 * float(np.linalg.norm(off)),
-        float(yaw),
-        1e3 * float(np.abs(sides - true_sides).max()),
-        float(np.sqrt(np.mean((off / estimate.position_std) ** 2))),
-    )
+def true_object(world: World, name: str) -> TrueObject:
+    """What a simulated cell knows about one of its things."""
+    thing = world.objects[name]
+    shape: Shape | None = "sphere" if thing.rolls and not thing.container else "cylinder" if thing.container else None
+    return TrueObject(name, world.object_pose(name), thing.extents, shape)
 
 
 def score_world(world: World, perception: Perception, cameras: list[str], names: tuple[str, ...]):
@@ -80,25 +40,10 @@ def score_world(world: World, perception: Perception, cameras: list[str], names:
     started = time.perf_counter()
     scene = perception.perceive(frames, names)
     seconds = time.perf_counter() - started
-    errors = [
-        compare(o, world.object_pose(o.name), world.objects[o.name].extents)
-        for o in scene.objects
-        if o.name in world.objects
-    ]
+    errors = [compare(o, true_object(world, o.name)) for o in scene.objects if o.name in world.objects]
     missed = [name for name in world.object_names if name not in scene.names]
     invented = [name for name in scene.names if name not in world.objects]
     return errors, missed, invented, seconds
-
-
-def summary(errors: list[PoseError]) -> dict[str, float]:
-    """Median and 95 % quantile of every measure."""
-    row: dict[str, float] = {"n": len(errors)}
-    for key in ("position_mm", "yaw_deg", "extents_mm", "normalised"):
-        values = np.array([getattr(e, key) for e in errors])
-        values = values[np.isfinite(values)]
-        for label, share in (("median", 0.5), ("p95", 0.95)):
-            row[f"{key}_{label}"] = round(float(np.quantile(values, share)), 2) if len(values) else float("nan")
-    return row
 
 
 def main() -> None:

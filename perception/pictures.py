@@ -17,6 +17,8 @@ PALETTE = (
     (240, 228, 66),
     (90, 90, 90),
 )
+# No colour of the depth picture's scale (Cividis: blue to yellow) comes near these.
+MISSING, MISSING_STRIPE = (214, 30, 140), (120, 10, 80)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -45,6 +47,24 @@ def overlay(frame: RgbdFrame, scene: SceneEstimate) -> np.ndarray:
             _draw_label(picture, o, paints[o.name], place, taken)
     _draw_footer(picture, scene)
     return picture
+
+
+def depth_picture(frame: RgbdFrame) -> tuple[np.ndarray, tuple[float, float]]:
+    """Depth in colours from near (light) to far (dark); where it is missing, magenta stripes, so that holes show.
+
+    Returns:
+        RGB, uint8, shape (height, width, 3), and the depths in [m] that the lightest and the darkest colour stand for:
+        the 2 % and 98 % quantiles of what is known; (0, 0) where nothing is.
+    """
+    known = frame.valid_depth
+    near, far = np.quantile(frame.depth[known], (0.02, 0.98)) if known.any() else (0.0, 0.0)
+    share = np.clip((np.where(known, frame.depth, far) - near) / max(far - near, 1e-6), 0.0, 1.0)
+    picture = cv2.applyColorMap((255 * (1.0 - share)).astype(np.uint8), cv2.COLORMAP_CIVIDIS)[:, :, ::-1].copy()
+    row, column = np.indices(known.shape)
+    striped = (row + column) % 8 < 4
+    picture[~known] = MISSING
+    picture[~known & striped] = MISSING_STRIPE
+    return picture, (float(near), float(far))
 
 
 def solid_outline(o: ObjectEstimate, segments: int = 32) -> list[np.ndarray]:

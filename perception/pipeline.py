@@ -11,6 +11,7 @@ from perception import bundled
 from perception.errors import FrameError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
+from perception.instances import group_by_thing, instance_name
 from perception.interfaces import Detection, Detector, Segmenter
 from perception.looks import look_of
 from perception.merging import merge
@@ -42,12 +43,14 @@ class Perception:
         segmenter: Turns boxes into masks.
         settings: Of the pose estimate.
         options: Which boxes that overlap are kept, and how many.
+        instances: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
     """
 
     detector: Detector
     segmenter: Segmenter
     settings: PoseSettings = field(default_factory=PoseSettings)
     options: PerceptionOptions = field(default_factory=PerceptionOptions)
+    instances: int = 1
 
     @property
     def name(self) -> str:
@@ -62,7 +65,8 @@ class Perception:
             names: Names such as "red_cube"; the phrase that is looked for is the name with spaces.
 
         Returns:
-            One estimate per name that was seen (things seen by several cameras are merged), the others with reasons.
+            One estimate per name that was seen, or up to `instances` of it (things seen by several cameras are merged),
+            the others with reasons.
             A camera without any depth (a wrist camera close to something) is left out and named in `source`.
 
         Raises:
@@ -85,10 +89,14 @@ class Perception:
         started = time.perf_counter()
         objects, unseen = [], []
         for name in wanted:
-            seen = [view.found[name] for view in views if name in view.found]
-            if seen:
-                objects.append(merge(seen))
-            else:
+            phrase = name.replace("_", " ")
+            seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
+            # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
+            groups = group_by_thing(seen) if self.instances > 1 else [[o for view in seen for o in view]]
+            for i, group in enumerate(groups[: self.instances] if any(seen) else ()):
+                free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
+                objects.append(replace(merge(group), name=free))
+            if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
         supports = [v.support.height for v in views if v.support.seen] or [0.0]
         seconds["merge"] += time.perf_counter() - started
@@ -107,8 +115,12 @@ class Perception:
         phrases = {name.replace("_", " "): name for name in names}
         boxes = self._boxes(frame, tuple(phrases)) if phrases else []
         best: dict[str, Detection] = {}
+        counts = dict.fromkeys(phrases, 0)
         for box in boxes:
-            best.setdefault(phrases[box.phrase], box)
+            if counts[box.phrase] < self.instances:
+                counts[box.phrase] += 1
+                name = phrases[box.phrase]
+                best[instance_name(name, {*names, *best}) if name in best else name] = box
         seconds["detect"] += time.perf_counter() - clock
 
         clock = time.perf_counter()

@@ -1,6 +1,5 @@
 """Plots of a judged motion as SVG text: joints against their limits, the hand's speed, clearances over time."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,12 +10,11 @@ from control.residuals import Clearances
 from control.safety import SafetyLimits
 from control.trajectory import SAMPLE_TIME, Trajectory
 from control.trajectory_checks import PADDING, Torque, commanded_differences
+from replan.svg_figures import ALLOWED, BROKEN, INK, QUIET, figure_of, svg_text
 
 COLUMNS = 600  # of a drawn curve; each shows the least and the largest sample of its stretch, so no peak is lost
-INK, ALLOWED, BROKEN, QUIET = "#1f4e79", "#d08700", "#c62828", "#9aa5b1"
 PART_COLOURS = {"self": "#6a51a3", "arm": "#1f4e79", "finger": "#2e7d32", "held": "#d08700"}
 PART_NAMES = {"self": "robot to itself", "arm": "arm and hand", "finger": "fingers", "held": "carried object"}
-LEFT, RIGHT, BOTTOM = 0.75, 0.12, 0.42  # margins of a figure in inches
 FARTHEST = 0.05  # [m] of a clearance that is drawn: beyond, nothing is near
 
 
@@ -78,7 +76,7 @@ def joints_svg(
         joint_names: Names of the columns.
         stretches: Named stretches of the motion and the times in [s] at which they end, drawn as fine lines.
     """
-    figure, axes = _figure(len(quantities), len(joint_names), (15.5, 1.55 * len(quantities) + 0.5), top=0.5)
+    figure, axes = figure_of(len(quantities), len(joint_names), (15.5, 1.55 * len(quantities) + 0.5), top=0.5)
     for i, quantity in enumerate(quantities):
         middle, half = (quantity.low + quantity.high) / 2, (quantity.high - quantity.low) / 2
         for j, name in enumerate(joint_names):
@@ -109,12 +107,12 @@ def joints_svg(
                 ax.set_xlabel("s", labelpad=1)
             else:
                 ax.set_xticklabels([])
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def hand_svg(speed: np.ndarray, turning: np.ndarray, safety: SafetyLimits) -> str:
     """Speed of the tool centre point in [m/s] and of its rotation in [rad/s], shape (n,) each, against the limits."""
-    figure, axes = _figure(1, 2, (15.5, 2.1), wide=0.1)
+    figure, axes = figure_of(1, 2, (15.5, 2.1), wide=0.1)
     for ax, values, limit, unit in (
         (axes[0][0], speed, safety.hand_speed, "m/s"),
         (axes[0][1], turning, safety.hand_angular_speed, "rad/s"),
@@ -129,7 +127,7 @@ def hand_svg(speed: np.ndarray, turning: np.ndarray, safety: SafetyLimits) -> st
         ax.set_xlabel("s", labelpad=1)
     axes[0][0].set_title("commanded speed of the tool centre point, and its limit", loc="left")
     axes[0][1].set_title("commanded speed of its rotation, and its limit", loc="left")
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def clearance_svg(clearances: Clearances, times: np.ndarray, safety: SafetyLimits) -> str:
@@ -140,7 +138,7 @@ def clearance_svg(clearances: Clearances, times: np.ndarray, safety: SafetyLimit
         times: Times of the recorded motion's samples in [s], to which they refer.
         safety: The clearances that are asked for.
     """
-    figure, axes = _figure(1, 1, (15.5, 3.0))
+    figure, axes = figure_of(1, 1, (15.5, 3.0))
     ax = axes[0][0]
     at = times[clearances.step]
     lowest = 0.0
@@ -164,7 +162,7 @@ def clearance_svg(clearances: Clearances, times: np.ndarray, safety: SafetyLimit
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper right", ncols=4, frameon=False, fontsize=8)
     ax.set_title("distance to what may not be touched (dashed: what is asked for; red: less than that)", loc="left")
-    return _svg(figure)
+    return svg_text(figure)
 
 
 def _envelope(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -179,33 +177,3 @@ def _envelope(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     times = (starts + stops - 1) / 2 * SAMPLE_TIME
     times[0], times[-1] = 0.0, (n - 1) * SAMPLE_TIME
     return times, low, high
-
-
-def _figure(rows: int, columns: int, size: tuple[float, float], top: float = 0.3, wide: float = 0.06):
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size)
-    FigureCanvasSVG(figure)
-    width, height = size
-    # Margins in inches by hand: a layout engine draws everything twice.
-    room = {"left": LEFT / width, "right": 1 - RIGHT / width, "bottom": BOTTOM / height, "top": 1 - top / height}
-    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={**room, "hspace": 0.42, "wspace": wide})
-    for ax in axes.flat:
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.tick_params(labelsize=7, length=2)
-        ax.title.set_fontsize(8)
-        ax.xaxis.label.set_fontsize(8)
-        ax.yaxis.label.set_fontsize(9)
-    return figure, axes
-
-
-def _svg(figure) -> str:
-    import matplotlib
-
-    out = io.StringIO()
-    # Text stays text: it is smaller than outlines, and can be searched. Fixed ids make equal reports equal files.
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "replan", "font.family": "sans-serif"}):
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    text = out.getvalue()
-    return text[text.index("<svg") :]

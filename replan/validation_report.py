@@ -1,18 +1,17 @@
 """One self-contained HTML page about a judged motion: verdict, checks, plots, pictures of the worst moments."""
 
-import base64
 import copy
-import datetime
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from control.errors import ConfigError, MachineError
+from control.errors import MachineError
 from control.trajectory import SAMPLE_TIME
 from control.trajectory_checks import hand_velocities
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY, TwinModel
+from replan.pages import jpeg_text, made_by, write_page
 from replan.validate import Validation
 from replan.validation_plots import PART_NAMES, clearance_svg, hand_svg, joint_quantities, joints_svg
 from replan.validation_text import check_rows, hints, summary, trials_text
@@ -22,7 +21,6 @@ WIDTH, HEIGHT = 560, 420  # [px] of a picture
 MOST_PICTURES = 6  # of broken checks
 LEAST_PICTURES = 3
 SAME_MOMENT = 0.05  # [s]: checks that are worst together share a picture
-JPEG_QUALITY = 85
 BLAMED = np.array([0.85, 0.15, 0.12, 1.0])  # colour of the bodies of a broken check
 NEAREST = np.array([0.95, 0.62, 0.10, 1.0])  # of those that only come nearest
 ROBOT = np.array([0.80, 0.84, 0.88, 1.0])
@@ -56,43 +54,26 @@ class Picture:
     data: str
 
 
-def write_report(validation: Validation, path: Path, made_by: str) -> None:
+def write_report(validation: Validation, path: Path, footer_text: str) -> None:
     """Write the page.
 
     Args:
         validation: What was judged.
         path: Where to; its folder is made when absent.
-        made_by: Who made it and when, for the last line; see `footer`.
+        footer_text: Who made it and when, for the last line; see `footer`.
 
     Raises:
         ConfigError: The file cannot be written.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).with_name("templates")),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    html = environment.get_template("validation.html.j2").render(**_content(validation, made_by))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(html, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write the report {path}: {error.strerror}; choose another place") from error
+    write_page("validation.html.j2", _content(validation, footer_text), path)
 
 
 def footer() -> str:
     """Who made a report, and when."""
-    from importlib.metadata import version
-
-    now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S %Z")
-    return f"replan {version('replan')}, MuJoCo {mujoco.__version__}, {now}"
+    return made_by(f"MuJoCo {mujoco.__version__}")
 
 
-def _content(validation: Validation, made_by: str) -> dict:
+def _content(validation: Validation, footer_text: str) -> dict:
     v, t = validation, validation.trajectory
     moments = worst_moments(v)
     try:
@@ -122,7 +103,7 @@ def _content(validation: Validation, made_by: str) -> dict:
         "clearances": clearance_svg(clearances, motion.time, v.safety) if motion and clearances else "",
         "hand": hand_svg(np.linalg.norm(linear, axis=1), np.linalg.norm(angular, axis=1), v.safety),
         "joints": joints_svg(quantities, t.joint_names, stretches),
-        "footer": made_by,
+        "footer": footer_text,
     }
 
 
@@ -178,8 +159,6 @@ def _nearest(validation: Validation) -> list[Moment]:
 
 
 def _pictures(validation: Validation, moments: list[Moment]) -> list[Picture]:
-    import cv2
-
     rollout, twin = validation.judgement.rollout, validation.twin
     out = []
     for moment in moments:
@@ -187,11 +166,7 @@ def _pictures(validation: Validation, moments: list[Moment]) -> list[Picture]:
         qpos = rollout.qpos[row]
         if not np.all(np.isfinite(qpos)):
             continue
-        image = _picture(twin, qpos, moment)
-        ok, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        assert ok
-        text = base64.b64encode(data.tobytes()).decode("ascii")
-        out.append(Picture(moment.title, moment.text, moment.broken, text))
+        out.append(Picture(moment.title, moment.text, moment.broken, jpeg_text(_picture(twin, qpos, moment))))
     return out
 
 

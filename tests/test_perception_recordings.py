@@ -126,7 +126,7 @@ def test_frames_come_back_from_the_npz_as_they_were(tmp_path):
     ]
     save_npz(tmp_path / "dump.npz", frames)
     recording = open_recording(tmp_path / "dump.npz")
-    assert len(recording) == 2
+    assert recording.count == 2
     for before, after in zip(frames, recording, strict=True):
         assert np.array_equal(before.colour, after.colour)
         assert np.array_equal(before.depth, after.depth, equal_nan=True)
