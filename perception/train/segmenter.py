@@ -181,5 +181,9 @@ def save_segmenter(model: Any, out: Path) -> None:
     import copy
     import json
 
+    transformers = load_package("transformers")
+    side = {"height": SAM_SIDE, "width": SAM_SIDE}
+    pictures = transformers.SamImageProcessor(size={"longest_edge": SAM_SIDE}, pad_size=side)
     copy.deepcopy(model).half().save_pretrained(out)
+    transformers.SamProcessor(pictures).save_pretrained(out)
     (out / "replan.json").write_text(json.dumps({"crop_factor": CROP_FACTOR}) + "\n")
