@@ -9,11 +9,10 @@ import shutil
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from perception.bundled import CARD_FILE, DetectorCard, SegmenterCard
+from perception.bundled import CARD_FILE, Card, DetectorCard, SegmenterCard
 from perception.crop_segmenter import CropSegmenter, CropSettings
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.hf_models import TransformersDetector
@@ -21,6 +20,7 @@ from perception.interfaces import Detection
 from perception.metrics import Question, absent_false_positive_rate, average_precision, mask_iou, recall
 from perception.nms import suppress
 from perception.train.detector import SIDES, boxes_of
+from perception.train.model_card import page
 from perception.train.questions import ask
 from perception.train.segmenter import CROP_FACTOR, LEAST_PIXELS, LOOSE
 from perception.train.shards import Sample, Shards
@@ -63,8 +63,7 @@ def publish_detector(
         most_phrases=MOST_PHRASES,
         short_side=short_side,
     )
-    _copy(trained, to)
-    (to / CARD_FILE).write_text(json.dumps(card.model_dump(mode="json"), indent=2) + "\n")
+    _write(trained, card, to)
     say(f"detector: {figures}, threshold {threshold}")
     return card
 
@@ -137,8 +136,7 @@ def publish_segmenter(
         trained_on=f"{steps} steps of 24 crops, drawn from {pictures} rendered pictures of random cells (MuJoCo)",
         figures=figures,
     )
-    _copy(trained, to)
-    (to / CARD_FILE).write_text(json.dumps(card.model_dump(mode="json"), indent=2) + "\n")
+    _write(trained, card, to)
     say(f"segmenter: {figures}")
     return card
 
@@ -150,6 +148,9 @@ def _frame(sample: Sample) -> RgbdFrame:
     return RgbdFrame(sample.colour, np.ones((height, width), np.float32), lens, np.eye(4), 0.0)
 
 
-def _copy(trained: Path, to: Path) -> Any:
+def _write(trained: Path, card: Card, to: Path) -> None:
+    """Replace the folder by trained weights, their card and the page about them."""
     shutil.rmtree(to, ignore_errors=True)
     shutil.copytree(trained, to)
+    (to / CARD_FILE).write_text(json.dumps(card.model_dump(mode="json"), indent=2) + "\n")
+    (to / "README.md").write_text(page(card))
