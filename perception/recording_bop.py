@@ -24,9 +24,8 @@ from perception.bop_models import MM, BopModel, find_models, find_names, name_of
 from perception.depth_units import checked_scale, depth_in_metres
 from perception.errors import FrameError
 from perception.frames import CameraIntrinsics, RgbdFrame
-from perception.ground_truth import FrameTruth, TrueObject
+from perception.ground_truth import FrameTruth, TrueObject, box_around
 from perception.levelling import camera_above_plane
-from perception.recorded_truth import box_around
 from perception.recording import Recording, Skipped, TruthOfFrame
 from perception.recording_png import first_depth, read_picture
 

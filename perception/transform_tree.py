@@ -42,7 +42,9 @@ class TransformTree:
         for t in transforms:
             parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
             p, r = t.transform.translation, t.transform.rotation
-            row = np.array([t.header.stamp.sec + t.header.stamp.nanosec * 1e-9, p.x, p.y, p.z, r.x, r.y, r.z, r.w])
+            row = np.array(
+                [(t.header.stamp.sec * 10**9 + t.header.stamp.nanosec) * 1e-9, p.x, p.y, p.z, r.x, r.y, r.z, r.w]
+            )
             length = float(np.linalg.norm(row[4:]))
             if not np.isfinite(row).all() or abs(length - 1.0) > 0.01 or not parent or not child:
                 wrong = f"the transform from '{parent}' to '{child}' is none: {np.round(row[1:], 6).tolist()}"
