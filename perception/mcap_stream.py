@@ -4,6 +4,7 @@ Files that were cut off while they were recorded are read up to where they end.
 """
 
 import io
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -98,7 +99,7 @@ class McapStream:
         for offset, code, data in self._records():
             if isinstance(data, Skipped):
                 yield data
-                return
+                continue
             found, stream = [], ReadDataStream(io.BytesIO(data))
             try:
                 if code == Opcode.CHUNK:
@@ -123,25 +124,35 @@ class McapStream:
                     yield self._decoded(decoders, channel, number, record)
 
     def _records(self) -> Iterator[tuple[int, int, Any]]:
-        """(offset, what it is, content) of each record of the data section; at a place that cannot be, a Skipped."""
+        """(offset, what it is, content) of each record of the data section; a Skipped as content of what is damaged.
+
+        Where a record cannot be one, or reaches into a chunk that the summary knows, reading goes on at that chunk.
+        """
         from mcap.opcode import Opcode
 
         of_use = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+        chunks = sorted(self._in_chunk)
         with self._path.open("rb") as file:
             offset = len(MAGIC)
             while True:
                 file.seek(offset)
                 head = file.read(HEAD)
                 code, length = head[0] if head else 0, int.from_bytes(head[1:], "little")
-                if len(head) == HEAD and code in (Opcode.DATA_END, Opcode.FOOTER):
+                end, following = offset + HEAD + length, bisect_right(chunks, offset)
+                chunk = chunks[following] if following < len(chunks) else None
+                if chunk is None and len(head) == HEAD and code in (Opcode.DATA_END, Opcode.FOOTER):
                     return
-                if len(head) < HEAD or offset + HEAD + length > self._size:
+                if chunk is not None and (end > chunk or code in (0, Opcode.DATA_END, Opcode.FOOTER)):
+                    yield offset, code, Skipped(f"bytes {offset} to {chunk} of the file", "they are damaged")
+                    offset = chunk
+                    continue
+                if len(head) < HEAD or end > self._size:
                     rest = f"the last {self._size - offset} bytes of the file"
                     yield offset, code, Skipped(rest, "the file is cut off there; it was not closed when it was made")
                     return
                 if code in of_use:
                     yield offset, code, file.read(length)
-                offset += HEAD + length
+                offset = end
 
     def _kind(self, channel: Any) -> str:
         schema = self._schemas.get(channel.schema_id)
