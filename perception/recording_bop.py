@@ -64,7 +64,7 @@ class BopScene(Recording):
         self._models = read_models(models) if models is not None else {}
         names_file = names or find_names(models)
         self._names = read_names(names_file) if names_file is not None else {}
-        said = [c["depth_scale"] * MM for c in self._cameras.values() if isinstance(c, dict) and "depth_scale" in c]
+        said = any(isinstance(c, dict) and "depth_scale" in c for c in self._cameras.values())
         self._scale = depth_scale
         notes = []
         if depth_scale is not None or not said:
