@@ -81,47 +81,62 @@ class McapStream:
         Args:
             wanted: Says of (topic, type) whether to decode it; asked for each message.
         """
-        from mcap.data_stream import ReadDataStream
-        from mcap.opcode import Opcode
-        from mcap.records import Channel, Chunk, Message, Schema
-        from mcap.stream_reader import breakup_chunk
         from mcap_ros2.decoder import DecoderFactory
 
         decoders, numbers = DecoderFactory(), {}
-
-        def learn(record: Any) -> bool:
-            if isinstance(record, Schema):
-                self._schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._channels[record.id] = record
-            return isinstance(record, Message)
-
-        for offset, code, data in self._records():
-            if isinstance(data, Skipped):
-                yield data
+        for batch in self._batches(wanted):
+            if isinstance(batch, Skipped):
+                yield batch
                 continue
-            found, stream = [], ReadDataStream(io.BytesIO(data))
-            try:
-                if code == Opcode.CHUNK:
-                    known = self._in_chunk.get(offset)
-                    if known and not any(self._is_wanted(self._channels.get(c), wanted) for c in known):
-                        continue
-                    found = breakup_chunk(Chunk.read(stream), validate_crc=True)
-                elif code == Opcode.MESSAGE:
-                    found = [Message.read(stream, len(data))]
-                elif code in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    found = [(Schema if code == Opcode.SCHEMA else Channel).read(stream)]
-            except Exception as error:  # mcap, zstandard and lz4 meet damaged bytes with errors of a dozen kinds
-                yield Skipped(f"bytes {offset} to {offset + HEAD + len(data)} of the file", _said(error))
-                continue
-            batch = [record for record in found if learn(record)]
-            for record in sorted(batch, key=lambda m: m.log_time):
+            batch.sort(key=lambda m: m.log_time)
+            batch.reverse()  # so that messages of the same time keep their order
+            while batch:
+                record = batch.pop()  # what was given out is not held any longer
                 channel = self._channels.get(record.channel_id)
                 if channel is None:
                     continue
                 number = numbers[channel.topic] = numbers.get(channel.topic, -1) + 1
                 if self._is_wanted(channel, wanted):
                     yield self._decoded(decoders, channel, number, record)
+
+    def _batches(self, wanted: Callable[[str, str], bool]) -> Iterator[list[Any] | Skipped]:
+        """Message records of one chunk after the other, chunks apart in which nothing is wanted."""
+        from mcap.opcode import Opcode
+
+        for offset, code, data in self._records():
+            if isinstance(data, Skipped):
+                yield data
+                continue
+            known = self._in_chunk.get(offset) if code == Opcode.CHUNK else None
+            if known and not any(self._is_wanted(self._channels.get(c), wanted) for c in known):
+                continue
+            try:
+                batch = self._parsed(code, data)
+            except Exception as error:  # mcap, zstandard and lz4 meet damaged bytes with errors of a dozen kinds
+                batch = Skipped(f"bytes {offset} to {offset + HEAD + len(data)} of the file", _said(error))
+            data = None  # not held while the batch is worked on
+            yield batch
+
+    def _parsed(self, code: int, data: bytes) -> list[Any]:
+        """Message records inside a record; channels and schemas are remembered."""
+        from mcap.data_stream import ReadDataStream
+        from mcap.opcode import Opcode
+        from mcap.records import Channel, Chunk, Message, Schema
+        from mcap.stream_reader import breakup_chunk
+
+        stream = ReadDataStream(io.BytesIO(data))
+        if code == Opcode.CHUNK:
+            found = breakup_chunk(Chunk.read(stream), validate_crc=True)
+        elif code == Opcode.MESSAGE:
+            found = [Message.read(stream, len(data))]
+        else:
+            found = [(Schema if code == Opcode.SCHEMA else Channel).read(stream)]
+        for record in found:
+            if isinstance(record, Schema):
+                self._schemas[record.id] = record
+            elif isinstance(record, Channel):
+                self._channels[record.id] = record
+        return [record for record in found if isinstance(record, Message)]
 
     def _records(self) -> Iterator[tuple[int, int, Any]]:
         """(offset, what it is, content) of each record of the data section; a Skipped as content of what is damaged.
