@@ -66,7 +66,8 @@ def find_model(model: str, role: Role, offline: bool) -> Path:
     if found is None:
         if offline:
             raise ModelUnavailableError(
-                f"the weights of '{model}' ({role.needed}) are not on this machine; fetch them once with: {fetch_command(model)}"
+                f"the weights of '{model}' ({role.needed}) are not on this machine; "
+                f"fetch them once with: {fetch_command(model)}"
             )
         found = _fetch(model, role)
     check_architecture(found, model, role)
