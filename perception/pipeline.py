@@ -231,7 +231,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
             settings = replace(settings, threshold=options.threshold)
         return ColourShapeDetector(settings)
     if name == "bundled":
-        return bundled.BundledDetector(threshold=options.threshold, device=options.device, precision=options.precision)
+        return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
     from perception.hf_models import THRESHOLD, TransformersDetector
 
     return TransformersDetector(
@@ -250,7 +250,7 @@ def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
 
         return GrabCutSegmenter()
     if name == "bundled":
-        return bundled.bundled_segmenter(options.device, options.precision)
+        return bundled.bundled_segmenter(bundled.SEGMENTER_FOLDER, options.device, options.precision)
     from perception.crop_segmenter import CropSegmenter, read_crop_settings
     from perception.hf_models import TransformersSegmenter
 
