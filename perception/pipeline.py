@@ -1,8 +1,9 @@
 """Frames and names in, scene estimate out: detect, suppress, segment, lift to points, fit, merge cameras."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from perception.errors import FrameError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection, Detector, Segmenter
+from perception.known_fit import KnownFit, KnownSettings, fit_known
+from perception.known_models import KnownModel
 from perception.looks import look_of
 from perception.merging import merge
 from perception.nms import suppress
@@ -23,11 +26,10 @@ STAGES = ("detect", "segment", "pose", "merge")
 
 @dataclass(frozen=True)
 class _View:
-    """What one camera gave: estimates by name, reasons by name, and the support."""
+    """What one camera gave: estimates by name, and reasons by name."""
 
     found: dict[str, ObjectEstimate]
     missing: dict[str, str]
-    support: SupportPlane
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,14 @@ class Perception:
         detector: Draws boxes for phrases.
         segmenter: Turns boxes into masks.
         settings: Of the pose estimate.
+        known: Things whose shape is known beforehand, by name. They are looked for by their shape in the depth of all
+            cameras together; the detector is not asked for them.
     """
 
     detector: Detector
     segmenter: Segmenter
     settings: PoseSettings = field(default_factory=PoseSettings)
+    known: Mapping[str, KnownModel] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def name(self) -> str:
@@ -76,28 +81,52 @@ class Perception:
             )
         wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
-        views = [self._look(frame, wanted, seconds) for frame in frames]
+        supports = [estimate_support(frame) for frame in frames]
+        started = time.perf_counter()
+        asked = [self.known[name] for name in wanted if name in self.known]
+        table = next((s for s in supports if s.seen), supports[0])
+        fits = fit_known(frames, asked, table, KnownSettings(self.settings.noise)) if asked else {}
+        seconds["pose"] += time.perf_counter() - started
+        standing = [fit for fit in fits.values() if isinstance(fit, KnownFit)]
+        others = tuple(name for name in wanted if name not in fits)
+        views = [
+            self._look(frame, others, support, standing, seconds)
+            for frame, support in zip(frames, supports, strict=True)
+        ]
         started = time.perf_counter()
         objects, unseen = [], []
         for name in wanted:
+            fit = fits.get(name)
+            if isinstance(fit, KnownFit):
+                objects.append(_known_estimate(fit, frames))
+                continue
+            if fit is not None:
+                unseen.append(Unseen(name, fit))
+                continue
             seen = [view.found[name] for view in views if name in view.found]
             if seen:
                 objects.append(merge(seen))
             else:
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
-        supports = [v.support.height for v in views if v.support.seen] or [0.0]
         seconds["merge"] += time.perf_counter() - started
         return SceneEstimate(
             objects=tuple(objects),
             unseen=tuple(unseen),
-            support_height=float(np.median(supports)),
+            support_height=float(np.median([s.height for s in supports if s.seen] or [0.0])),
             stamp=max(frame.stamp for frame in frames),
             source=self.name + "".join(f"; camera '{frame.camera}' has no depth" for frame in blind),
             seconds=seconds,
         )
 
-    def _look(self, frame: RgbdFrame, names: tuple[str, ...], seconds: dict[str, float]) -> _View:
-        """Everything one camera can say; adds the time spent to `seconds`."""
+    def _look(
+        self,
+        frame: RgbdFrame,
+        names: tuple[str, ...],
+        support: SupportPlane,
+        standing: Sequence[KnownFit],
+        seconds: dict[str, float],
+    ) -> _View:
+        """Everything one camera can say about what the detector finds; adds the time spent to `seconds`."""
         clock = time.perf_counter()
         phrases = {name.replace("_", " "): name for name in names}
         boxes = suppress(self.detector.detect(frame, tuple(phrases))) if phrases else []
@@ -112,7 +141,6 @@ class Perception:
         seconds["segment"] += time.perf_counter() - clock
 
         clock = time.perf_counter()
-        support = estimate_support(frame)
         missing = dict.fromkeys(names, "no box above the threshold")
         clouds: dict[str, MaskedCloud] = {}
         for name, mask in masks.items():
@@ -122,7 +150,7 @@ class Perception:
             else:
                 clouds[name] = cloud
         found: dict[str, ObjectEstimate] = {}
-        solids: list[Solid] = []
+        solids: list[Solid] = [board for fit in standing for board in fit.model.carriers(fit.world_T_model)]
         vessels: list[Solid] = []
         # From the lowest upwards, so that what carries a thing is known before the thing.
         upwards = sorted(clouds, key=lambda n: clouds[n].lowest)
@@ -138,7 +166,7 @@ class Perception:
             (vessels if look.hollow else solids).append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock
-        return _View(found, missing, support)
+        return _View(found, missing)
 
     def _estimate(
         self, frame: RgbdFrame, name: str, box: Detection, cloud: MaskedCloud, fitted: Refined
@@ -156,6 +184,33 @@ class Perception:
             stamp=frame.stamp,
             evidence=(evidence,),
         )
+
+
+def _known_estimate(fit: KnownFit, frames: Sequence[RgbdFrame]) -> ObjectEstimate:
+    """What was fitted to a known model, with the pixels that agree with it as evidence."""
+    evidence = []
+    for frame, mask in zip(frames, fit.masks(frames), strict=True):
+        if mask.any():
+            v, u = np.nonzero(mask)
+            box = np.array([u.min(), v.min(), u.max() + 1, v.max() + 1], float)
+            share = float(frame.valid_depth[mask].mean())
+            evidence.append(Evidence(frame.camera, box, mask, share, "known shape"))
+    names = [part.name for part in fit.model.parts]
+    return ObjectEstimate(
+        name=fit.model.name,
+        phrase=fit.model.name.replace("_", " "),
+        world_T_object=fit.world_T_model,
+        extents=fit.model.extents,
+        shape="box",
+        position_std=fit.position_std,
+        yaw_std=fit.yaw_std,
+        score=float(np.clip(fit.agreeing, 0.0, 1.0)),
+        stamp=max(frame.stamp for frame in frames),
+        evidence=tuple(evidence),
+        joint_fractions=dict(zip(names, map(float, fit.fractions), strict=True)),
+        joint_stds=dict(zip(names, map(float, fit.fraction_std), strict=True)),
+        extents_std=np.zeros(3),
+    )
 
 
 def _give_shared_pixels_to_the_smaller(masks: dict[str, np.ndarray]) -> None:
@@ -176,7 +231,12 @@ def default_perception() -> Perception:
     return Perception(ColourShapeDetector(), GrabCutSegmenter())
 
 
-def perception_from_options(detector: str = "colour", segmenter: str = "grabcut", offline: bool = False) -> Perception:
+def perception_from_options(
+    detector: str = "colour",
+    segmenter: str = "grabcut",
+    offline: bool = False,
+    known: Mapping[str, KnownModel] | None = None,
+) -> Perception:
     """Perception from two words or model names.
 
     Args:
@@ -184,6 +244,7 @@ def perception_from_options(detector: str = "colour", segmenter: str = "grabcut"
             "IDEA-Research/grounding-dino-tiny".
         segmenter: "grabcut", or a folder or hub name of a SAM or SAM 2 such as "facebook/sam-vit-base".
         offline: Never ask the hub; only folders and what earlier downloads left on this machine.
+        known: Things whose shape is known beforehand, by name.
 
     Raises:
         ModelUnavailableError: Weights or packages are not on this machine; says the command that fetches them.
@@ -199,4 +260,4 @@ def perception_from_options(detector: str = "colour", segmenter: str = "grabcut"
         from perception.hf_models import TransformersSegmenter
 
         chosen_segmenter = TransformersSegmenter(segmenter, offline=offline)
-    return Perception(chosen_detector, chosen_segmenter)
+    return Perception(chosen_detector, chosen_segmenter, known=dict(known or {}))
