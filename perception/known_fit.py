@@ -56,7 +56,7 @@ class KnownSettings:
     fractions: int = 21
     model_std: float = 0.002
     edges_from: float = 0.003
-    least_share: float = 0.8
+    least_share: float = 0.9
     least_rays: int = 60
     position_prior: float = 0.05
     yaw_prior: float = 0.2

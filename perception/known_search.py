@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.cloud import StereoNoise, depth_steps
+from perception.cleaning import depth_steps
+from perception.cloud import StereoNoise
 from perception.frames import RgbdFrame
 from perception.known_models import KnownBox, KnownModel
 from perception.rays import DepthRays

@@ -18,6 +18,7 @@ from perception.merging import merge
 from perception.nms import suppress
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
 from perception.refine import Refined
+from perception.shape_choice import kinds_of
 from perception.solids import Solid
 from perception.support import SupportPlane, estimate_support
 
@@ -161,7 +162,7 @@ class Perception:
                 above |= clouds[other].mask
             look = look_of(best[name].phrase)
             fitted = fit_solid(
-                frame, cloud, look.solid, support, solids, self.settings, above, vessels, look.equal_sides
+                frame, cloud, kinds_of(look), support, solids, self.settings, above, vessels, look.equal_sides
             )
             (vessels if look.hollow else solids).append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)

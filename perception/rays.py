@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from perception.cloud import StereoNoise, depth_steps
+from perception.cleaning import depth_steps
+from perception.cloud import StereoNoise
 from perception.frames import RgbdFrame
 from perception.known_models import KnownBox
 
