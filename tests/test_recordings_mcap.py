@@ -409,6 +409,13 @@ def test_a_recording_of_which_no_frame_can_be_used_says_why(tmp_path):
         list(recording)
 
 
+def test_a_topic_of_which_nothing_can_be_read_is_named_with_the_reason(tmp_path):
+    pictures = [compressed(COLOUR + "/compressed", 1.0 + k, "jpeg", b"no picture") for k in range(5)]
+    file = written(tmp_path, camera_info(), STATIC, *pictures, depth(1.0))
+    with pytest.raises(FrameError, match=r"there is no colour picture .*; message 0 of topic '.*': it cannot be read"):
+        open_recording(file)
+
+
 def many(tmp_path):
     """Ten pairs, a chunk for each message."""
     return plain(tmp_path, [1.0 + k for k in range(10)], chunk_size=100)
