@@ -13,6 +13,7 @@ from perception.errors import FrameError
 from perception.ros2_images import IMAGE, is_depth, is_in_metres, picture_size
 
 INFO = "sensor_msgs/msg/CameraInfo"
+UNREAD_NAMED = 3  # of the messages that cannot be read
 COMPRESSED_ENDINGS = ("/compressed", "/compressedDepth")
 # Words of topics that hold the wanted picture, the best first; then words of those that are something else.
 COLOUR_WORDS, OTHER_COLOUR = ("rgb", "color", "colour", "left"), ("infra", "/ir/", "right", "gray")
@@ -92,7 +93,11 @@ class CameraTopics:
 
 
 def find_cameras(
-    pictures: Mapping[str, PictureTopic], infos: Mapping[str, Any], choice: McapChoice, has_intrinsics: bool
+    pictures: Mapping[str, PictureTopic],
+    infos: Mapping[str, Any],
+    choice: McapChoice,
+    has_intrinsics: bool,
+    unread: Mapping[str, str],
 ) -> tuple[CameraTopics, ...]:
     """The cameras of a recording.
 
@@ -101,6 +106,7 @@ def find_cameras(
         infos: First CameraInfo by topic.
         choice: What the user named.
         has_intrinsics: Whether an intrinsics file takes the place of CameraInfo.
+        unread: What could not be read and why, for messages.
 
     Raises:
         FrameError: There is none, several fit, or a topic that was named is not there; lists the topics.
@@ -108,6 +114,7 @@ def find_cameras(
     has = f"it has {'; '.join(p.label for p in pictures.values()) or 'no pictures'}" + "".join(
         f"; '{topic}' ({INFO})" for topic in infos
     )
+    has += "".join(f"; {where}: {reason}" for where, reason in list(unread.items())[:UNREAD_NAMED])
     for option, named, known in (
         ("--colour-topic", choice.colour, pictures),
         ("--depth-topic", choice.depth, pictures),

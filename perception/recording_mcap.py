@@ -63,9 +63,10 @@ class McapRecording(Recording):
         self._tree = TransformTree()
         self._pictures: dict[str, PictureTopic] = {}
         self._infos: dict[str, Any] = {}
+        self._unread: dict[str, str] = {}  # of topics whose first messages could not be read
         self._first_look()
         try:
-            self._cameras = find_cameras(self._pictures, self._infos, choice, self._lens_file is not None)
+            self._cameras = find_cameras(self._pictures, self._infos, choice, self._lens_file is not None, self._unread)
             if depth_scale is not None:
                 self._refuse_scale(depth_scale)
             self._world = self._find_world()
@@ -92,7 +93,8 @@ class McapRecording(Recording):
 
         for m in self._stream.messages(wanted):
             if isinstance(m, Skipped):
-                continue  # iterating meets and names it again
+                self._unread.setdefault(m.where, m.reason)
+                continue
             try:
                 if m.kind == TF_KIND:
                     self._tree.add(m.content.transforms, m.topic.endswith(TF_STATIC))
@@ -100,8 +102,8 @@ class McapRecording(Recording):
                     self._infos[m.topic] = m.content
                 else:
                     self._pictures[m.topic] = PictureTopic.of(m.topic, m.kind, m.content)
-            except FrameError:
-                continue  # the next message of the topic may be readable
+            except FrameError as error:  # the next message of the topic may be readable
+                self._unread.setdefault(_where(m), str(error))
 
     def _refuse_scale(self, scale: float) -> None:
         if not (math.isfinite(scale) and scale > 0.0):

@@ -25,7 +25,8 @@ def open_recording(
     """Open recorded frames; iterate over the answer to read them one by one.
 
     Args:
-        path: A folder of PNG pairs, a BOP scene folder, an MCAP file, or an .npz file written by `save_npz`.
+        path: A folder of PNG pairs, a BOP scene folder, an MCAP file or a bag's folder with one, or an .npz file
+            written by `save_npz`.
         intrinsics: Intrinsics file, where the recording does not carry what the lens is.
         depth_scale: Metres per unit of whole-numbered depth, whatever the recording says.
         mcap: What to read out of an MCAP file.
@@ -44,6 +45,12 @@ def open_recording(
     if path.is_dir() and (path / CAMERA_FILE).is_file():
         _refuse(path, "a BOP scene says its intrinsics itself", intrinsics=lens, mcap=mcap)
         return BopScene(path, depth_scale, _path(models), _path(object_names))
+    bag = sorted(path.glob("*.mcap")) if path.is_dir() else []
+    if len(bag) > 1:
+        some = ", ".join(f"'{f.name}'" for f in bag[:5])
+        raise FrameError(f"'{path}' is not one recording: it holds {len(bag)} MCAP files, {some}; name one of them")
+    if bag:
+        return open_recording(bag[0], lens, depth_scale, mcap=mcap, models=models, object_names=object_names)
     if path.is_dir():
         _refuse(path, "a folder of PNG pairs", mcap=mcap, models=models, object_names=object_names)
         scenes = scenes_below(path)
@@ -60,6 +67,8 @@ def open_recording(
     if path.suffix.lower() == ".mcap":
         _refuse(path, "an MCAP file", models=models, object_names=object_names)
         return McapRecording(path, lens, depth_scale, mcap)
+    if path.suffix.lower() in (".db3", ".bag"):
+        raise FrameError(f"'{path}' is a bag of another format; convert it to MCAP, see docs/recordings.md")
     if path.suffix.lower() != ".npz":
         raise FrameError(f"'{path}' is neither a folder of PNG pairs or a BOP scene, nor an .mcap or an .npz file")
     _refuse(

@@ -409,6 +409,13 @@ def test_a_recording_of_which_no_frame_can_be_used_says_why(tmp_path):
         list(recording)
 
 
+def test_a_topic_of_which_nothing_can_be_read_is_named_with_the_reason(tmp_path):
+    pictures = [compressed(COLOUR + "/compressed", 1.0 + k, "jpeg", b"no picture") for k in range(5)]
+    file = written(tmp_path, camera_info(), STATIC, *pictures, depth(1.0))
+    with pytest.raises(FrameError, match=r"there is no colour picture .*; message 0 of topic '.*': it cannot be read"):
+        open_recording(file)
+
+
 def many(tmp_path):
     """Ten pairs, a chunk for each message."""
     return plain(tmp_path, [1.0 + k for k in range(10)], chunk_size=100)
@@ -462,3 +469,18 @@ def test_options_of_other_formats_are_refused(tmp_path):
         open_recording(plain(tmp_path), models=tmp_path)
     with pytest.raises(FrameError, match=r"a tolerance of -1 s is not valid"):
         open_recording(plain(tmp_path), mcap=McapChoice(tolerance=-1.0))
+
+
+def test_a_bags_folder_is_its_file_and_one_of_several_is_asked_for(tmp_path):
+    plain(tmp_path)
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    assert len(list(open_recording(tmp_path))) == 1
+    (tmp_path / "camera_1.mcap").write_bytes((tmp_path / "camera.mcap").read_bytes())
+    with pytest.raises(FrameError, match=r"it holds 2 MCAP files, 'camera.mcap', 'camera_1.mcap'; name one of them"):
+        open_recording(tmp_path)
+
+
+def test_bags_of_other_formats_are_to_be_converted(tmp_path):
+    (tmp_path / "x.db3").write_bytes(b"SQLite format 3")
+    with pytest.raises(FrameError, match=r"is a bag of another format; convert it to MCAP, see docs/recordings.md"):
+        open_recording(tmp_path / "x.db3")
