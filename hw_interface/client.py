@@ -38,6 +38,7 @@ from hw_interface.transport import (
     ALIVE_KEY,
     DEFAULT_ENDPOINT,
     FRAME_KEY,
+    FRAME_TRUTH_KEY,
     INFO_KEY,
     RESULT_KEY,
     SPEED_KEY,
@@ -48,8 +49,10 @@ from hw_interface.transport import (
     ask,
     open_client_session,
 )
+from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest
 from hw_interface.wire import decode
 from perception.frames import RgbdFrame
+from perception.ground_truth import FrameTruth
 
 __all__ = ["CellClient", "ExecutionReport", "Progress", "SimProcess", "start_sim_process"]
 
@@ -217,6 +220,16 @@ class CellClient:
         """
         message = ask(self._session, TRUTH_KEY, TruthRequest(), Truth, self._timeout)
         return {o.name: o.world_T_object for o in message.objects}
+
+    def frame_truth(self, camera: str) -> FrameTruth:
+        """What truly is in a camera's picture now, with masks. For scorers only.
+
+        Raises:
+            RefusedError: unknown_camera.
+            RobotGoneError: The cell does not offer it (it was not started for scoring), or no answer.
+        """
+        key = f"{FRAME_TRUTH_KEY}/{camera}"
+        return ask(self._session, key, FrameTruthRequest(), FrameTruthMessage, FRAME_TIMEOUT).truth()
 
     def execute(
         self,

@@ -31,6 +31,7 @@ from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
     FRAME_KEY,
+    FRAME_TRUTH_KEY,
     INFO_KEY,
     RESULT_KEY,
     SPEED_KEY,
@@ -43,8 +44,10 @@ from hw_interface.transport import (
     read_request,
     refusing,
 )
+from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest
 from hw_interface.wire import encode
 from perception.frames import RgbdFrame
+from perception.ground_truth import FrameTruth
 
 STATE_PERIOD = 0.014  # [s]; comfortably above 50 states a second
 
@@ -58,6 +61,7 @@ class RobotNode:
         take_frame: Takes a picture now; called on the thread that calls `serve`.
         endpoint: Where to listen.
         truth: For simulated cells that are scored: true poses; None leaves the key out.
+        frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
 
     Attributes:
         endpoint: Where it really listens.
@@ -73,11 +77,13 @@ class RobotNode:
         take_frame: Callable[[str], RgbdFrame],
         endpoint: str,
         truth: Callable[[], Truth] | None = None,
+        frame_truth: Callable[[str], FrameTruth] | None = None,
     ) -> None:
         self._driver = driver
         self._cameras = cameras
         self._take_frame = take_frame
         self._truth = truth
+        self._frame_truth = frame_truth
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint)
@@ -94,6 +100,7 @@ class RobotNode:
                 ACKNOWLEDGE_KEY: self._answer_acknowledge,
                 RESULT_KEY: self._answer_result,
                 **({TRUTH_KEY: self._answer_truth} if truth is not None else {}),
+                **({f"{FRAME_TRUTH_KEY}/*": self._answer_frame_truth} if frame_truth is not None else {}),
             }.items()
         ]
         # Last, so that whoever sees the token finds every key answered.
@@ -153,10 +160,7 @@ class RobotNode:
 
     def _answer_frame(self, query: zenoh.Query) -> None:
         read_request(query, FrameRequest)
-        camera = str(query.key_expr).removeprefix(f"{FRAME_KEY}/")
-        if camera not in self._cameras:
-            raise RefusedError("unknown_camera", f"no camera '{camera}' in this cell; it has {list(self._cameras)}")
-        answer(query, FrameMessage.of(self._take_frame(camera)))
+        answer(query, FrameMessage.of(self._take_frame(self._camera(query, FRAME_KEY))))
 
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
@@ -183,3 +187,19 @@ class RobotNode:
         read_request(query, TruthRequest)
         assert self._truth is not None
         answer(query, self._truth())
+
+    def _answer_frame_truth(self, query: zenoh.Query) -> None:
+        read_request(query, FrameTruthRequest)
+        assert self._frame_truth is not None
+        answer(query, FrameTruthMessage.of(self._frame_truth(self._camera(query, FRAME_TRUTH_KEY))))
+
+    def _camera(self, query: zenoh.Query, key: str) -> str:
+        """Name of the camera behind a key.
+
+        Raises:
+            RefusedError: unknown_camera.
+        """
+        camera = str(query.key_expr).removeprefix(f"{key}/")
+        if camera not in self._cameras:
+            raise RefusedError("unknown_camera", f"no camera '{camera}' in this cell; it has {list(self._cameras)}")
+        return camera

@@ -15,6 +15,7 @@ from hw_interface.driver import Driver
 from hw_interface.messages import Truth
 from hw_interface.node import STATE_PERIOD, RobotNode
 from perception.frames import RgbdFrame
+from perception.ground_truth import FrameTruth
 
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
 IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
@@ -86,11 +87,12 @@ def serve_robot(
     speed: float,
     leash: Leash,
     truth: Callable[[], Truth] | None = None,
+    frame_truth: Callable[[str], FrameTruth] | None = None,
 ) -> None:
     """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.
 
     Args:
-        driver, cameras, take_frame, endpoint, truth: As in `RobotNode`.
+        driver, cameras, take_frame, endpoint, truth, frame_truth: As in `RobotNode`.
         speed: As in `run_loop`.
         leash: When to end.
 
@@ -98,7 +100,7 @@ def serve_robot(
         ConfigError: Endpoint, port or speed are not valid.
     """
     with leash.signals():
-        node = RobotNode(driver, cameras, take_frame, endpoint, truth)
+        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth)
         try:
             announce(node, driver)
             run_loop(driver, node, leash, speed)

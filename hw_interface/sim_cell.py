@@ -17,6 +17,7 @@ from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
 from hw_interface.transport import DEFAULT_ENDPOINT
 from perception.frames import CameraIntrinsics, RgbdFrame
+from perception.ground_truth import FrameTruth
 
 
 class CellWorld(Protocol):
@@ -39,6 +40,10 @@ class CellWorld(Protocol):
 
     def object_pose(self, name: str) -> np.ndarray:
         """World pose of an object, shape (4, 4)."""
+        ...
+
+    def frame_truth(self, camera_name: str) -> FrameTruth:
+        """What truly is in a camera's picture now."""
         ...
 
 
@@ -103,5 +108,6 @@ def run_sim_cell(
         endpoint=endpoint,
         speed=speed,
         truth=truth if score else None,
+        frame_truth=world.frame_truth if score else None,
         leash=leash or Leash(parent_pid),
     )

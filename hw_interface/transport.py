@@ -32,6 +32,7 @@ SPEED_KEY = "cell/speed"
 ACKNOWLEDGE_KEY = "cell/acknowledge"
 RESULT_KEY = "cell/result"
 TRUTH_KEY = "cell/truth"  # exists only in simulated cells started for scoring
+FRAME_TRUTH_KEY = "cell/frame_truth"  # likewise; followed by the camera's name
 
 
 def parse_endpoint(endpoint: str, allow_remote: bool = False) -> tuple[str, int]:

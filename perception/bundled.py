@@ -101,7 +101,7 @@ class BundledDetector:
 
     def __init__(
         self,
-        folder: Path = DETECTOR_FOLDER,
+        folder: Path,
         threshold: float | None = None,
         device: str = "auto",
         precision: Precision = "auto",
@@ -172,15 +172,13 @@ class BundledDetector:
         return " ".join((*colours, *rest))
 
 
-def bundled_segmenter(
-    device: str = "auto", precision: Precision = "auto", folder: Path = SEGMENTER_FOLDER
-) -> Segmenter:
+def bundled_segmenter(folder: Path, device: str = "auto", precision: Precision = "auto") -> Segmenter:
     """The project's own segmenter, on crops or on whole pictures as its `replan.json` says.
 
     Args:
+        folder: Weights with a card.
         device: As in `perception.devices.choose_device`.
         precision: As in `perception.devices.arithmetic`.
-        folder: Weights with a card.
 
     Raises:
         ModelUnavailableError: This package came without the weights, or the card or settings are not valid.

@@ -1,4 +1,4 @@
-"""Depth pictures to points in the world: which depths to trust, back-projection, outliers."""
+"""Depth pictures to points in the world: their noise, back-projection, outliers."""
 
 from dataclasses import dataclass
 
@@ -30,24 +30,6 @@ class StereoNoise:
     def depth_std(self, depth: float, focal_px: float) -> float:
         """sigma_z in [m] at the given distance in [m] through a lens of the given focal length in [px]."""
         return depth**2 * self.disparity_std / (focal_px * self.baseline)
-
-
-def depth_steps(depth: np.ndarray, valid: np.ndarray, step: float = 0.03, radius: int = 1) -> np.ndarray:
-    """Pixels beside a depth step, where stereo depth mixes front and back.
-
-    Args:
-        depth: In [m], shape (height, width).
-        valid: Where depth is known, bool, same shape.
-        step: Smallest step in [m].
-        radius: How far beside, in [px].
-
-    Returns:
-        bool, shape (height, width).
-    """
-    size = 2 * radius + 1
-    highest = ndimage.maximum_filter(np.where(valid, depth, -np.inf), size)
-    lowest = ndimage.minimum_filter(np.where(valid, depth, np.inf), size)
-    return valid & (highest - lowest > step)
 
 
 def back_project(depth: np.ndarray, pixels: np.ndarray, intrinsics: CameraIntrinsics) -> np.ndarray:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.cloud import StereoNoise, depth_steps, height_map
+from perception.cleaning import depth_steps
+from perception.cloud import StereoNoise, height_map
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection
 from perception.looks import CHROMATIC, Colour, Look, Query, parse_phrase

@@ -46,6 +46,9 @@ class ObjectEstimate:
         evidence: Pictures, one per camera that saw it.
         joint_fractions: How far each of its joints is open, 0 closed .. 1 open, by joint name; empty for things
             without joints. A joint of furniture that is left out counts as closed.
+        joint_stds: Spreads of these fractions by joint name; about 0.5 where no camera saw the joint's part.
+        extents_std: Spread of the extents in [m], shape (3,), or None where nobody says; a side that something hides,
+            or that no camera sees, has a large one.
     """
 
     name: str
@@ -59,6 +62,8 @@ class ObjectEstimate:
     stamp: float
     evidence: tuple[Evidence, ...] = ()
     joint_fractions: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    joint_stds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    extents_std: np.ndarray | None = None
 
     @property
     def position(self) -> np.ndarray:

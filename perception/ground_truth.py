@@ -45,3 +45,9 @@ class FrameTruth:
 
     objects: tuple[TrueObject, ...]
     absent: tuple[str, ...] = ()
+
+
+def box_around(mask: np.ndarray) -> np.ndarray:
+    """(x0, y0, x1, y1) around the pixels of a mask that has some, in [px], x1 and y1 just outside; shape (4,)."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)

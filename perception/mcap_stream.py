@@ -4,6 +4,7 @@ Files that were cut off while they were recorded are read up to where they end.
 """
 
 import io
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -80,41 +81,17 @@ class McapStream:
         Args:
             wanted: Says of (topic, type) whether to decode it; asked for each message.
         """
-        from mcap.data_stream import ReadDataStream
-        from mcap.opcode import Opcode
-        from mcap.records import Channel, Chunk, Message, Schema
-        from mcap.stream_reader import breakup_chunk
         from mcap_ros2.decoder import DecoderFactory
 
         decoders, numbers = DecoderFactory(), {}
-
-        def learn(record: Any) -> bool:
-            if isinstance(record, Schema):
-                self._schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._channels[record.id] = record
-            return isinstance(record, Message)
-
-        for offset, code, data in self._records():
-            if isinstance(data, Skipped):
-                yield data
-                return
-            found, stream = [], ReadDataStream(io.BytesIO(data))
-            try:
-                if code == Opcode.CHUNK:
-                    known = self._in_chunk.get(offset)
-                    if known and not any(self._is_wanted(self._channels.get(c), wanted) for c in known):
-                        continue
-                    found = breakup_chunk(Chunk.read(stream), validate_crc=True)
-                elif code == Opcode.MESSAGE:
-                    found = [Message.read(stream, len(data))]
-                elif code in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    found = [(Schema if code == Opcode.SCHEMA else Channel).read(stream)]
-            except Exception as error:  # mcap, zstandard and lz4 meet damaged bytes with errors of a dozen kinds
-                yield Skipped(f"bytes {offset} to {offset + HEAD + len(data)} of the file", _said(error))
+        for batch in self._batches(wanted):
+            if isinstance(batch, Skipped):
+                yield batch
                 continue
-            batch = [record for record in found if learn(record)]
-            for record in sorted(batch, key=lambda m: m.log_time):
+            batch.sort(key=lambda m: m.log_time)
+            batch.reverse()  # so that messages of the same time keep their order
+            while batch:
+                record = batch.pop()  # what was given out is not held any longer
                 channel = self._channels.get(record.channel_id)
                 if channel is None:
                     continue
@@ -122,26 +99,75 @@ class McapStream:
                 if self._is_wanted(channel, wanted):
                     yield self._decoded(decoders, channel, number, record)
 
+    def _batches(self, wanted: Callable[[str, str], bool]) -> Iterator[list[Any] | Skipped]:
+        """Message records of one chunk after the other, chunks apart in which nothing is wanted."""
+        from mcap.opcode import Opcode
+
+        for offset, code, data in self._records():
+            if isinstance(data, Skipped):
+                yield data
+                continue
+            known = self._in_chunk.get(offset) if code == Opcode.CHUNK else None
+            if known and not any(self._is_wanted(self._channels.get(c), wanted) for c in known):
+                continue
+            try:
+                batch = self._parsed(code, data)
+            except Exception as error:  # mcap, zstandard and lz4 meet damaged bytes with errors of a dozen kinds
+                batch = Skipped(f"bytes {offset} to {offset + HEAD + len(data)} of the file", _said(error))
+            data = None  # not held while the batch is worked on
+            yield batch
+
+    def _parsed(self, code: int, data: bytes) -> list[Any]:
+        """Message records inside a record; channels and schemas are remembered."""
+        from mcap.data_stream import ReadDataStream
+        from mcap.opcode import Opcode
+        from mcap.records import Channel, Chunk, Message, Schema
+        from mcap.stream_reader import breakup_chunk
+
+        stream = ReadDataStream(io.BytesIO(data))
+        if code == Opcode.CHUNK:
+            found = breakup_chunk(Chunk.read(stream), validate_crc=True)
+        elif code == Opcode.MESSAGE:
+            found = [Message.read(stream, len(data))]
+        else:
+            found = [(Schema if code == Opcode.SCHEMA else Channel).read(stream)]
+        for record in found:
+            if isinstance(record, Schema):
+                self._schemas[record.id] = record
+            elif isinstance(record, Channel):
+                self._channels[record.id] = record
+        return [record for record in found if isinstance(record, Message)]
+
     def _records(self) -> Iterator[tuple[int, int, Any]]:
-        """(offset, what it is, content) of each record of the data section; at a place that cannot be, a Skipped."""
+        """(offset, what it is, content) of each record of the data section; a Skipped as content of what is damaged.
+
+        Where a record cannot be one, or reaches into a chunk that the summary knows, reading goes on at that chunk.
+        """
         from mcap.opcode import Opcode
 
         of_use = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+        chunks = sorted(self._in_chunk)
         with self._path.open("rb") as file:
             offset = len(MAGIC)
             while True:
                 file.seek(offset)
                 head = file.read(HEAD)
                 code, length = head[0] if head else 0, int.from_bytes(head[1:], "little")
-                if len(head) == HEAD and code in (Opcode.DATA_END, Opcode.FOOTER):
+                end, following = offset + HEAD + length, bisect_right(chunks, offset)
+                chunk = chunks[following] if following < len(chunks) else None
+                if chunk is None and len(head) == HEAD and code in (Opcode.DATA_END, Opcode.FOOTER):
                     return
-                if len(head) < HEAD or offset + HEAD + length > self._size:
+                if chunk is not None and (end > chunk or code in (0, Opcode.DATA_END, Opcode.FOOTER)):
+                    yield offset, code, Skipped(f"bytes {offset} to {chunk} of the file", "they are damaged")
+                    offset = chunk
+                    continue
+                if len(head) < HEAD or end > self._size:
                     rest = f"the last {self._size - offset} bytes of the file"
                     yield offset, code, Skipped(rest, "the file is cut off there; it was not closed when it was made")
                     return
                 if code in of_use:
                     yield offset, code, file.read(length)
-                offset += HEAD + length
+                offset = end
 
     def _kind(self, channel: Any) -> str:
         schema = self._schemas.get(channel.schema_id)

@@ -66,7 +66,8 @@ def find_model(model: str, role: Role, offline: bool) -> Path:
     if found is None:
         if offline:
             raise ModelUnavailableError(
-                f"the weights of '{model}' ({role.needed}) are not on this machine; {fetch_advice(model)}"
+                f"the weights of '{model}' ({role.needed}) are not on this machine; "
+                f"fetch them once with: {fetch_command(model)}"
             )
         found = _fetch(model, role)
     check_architecture(found, model, role)
@@ -116,9 +117,9 @@ def cached_folder(model: str) -> Path | None:
     return Path(config).parent
 
 
-def fetch_advice(model: str) -> str:
-    """What a person does to get a hub model, as half a sentence."""
-    return f"fetch them once with: .venv/bin/hf download {model}"
+def fetch_command(model: str) -> str:
+    """What a person types to get a hub model."""
+    return f".venv/bin/hf download {model}"
 
 
 def size_on_disk(folder: Path) -> int:
@@ -146,5 +147,5 @@ def _fetch(model: str, role: Role) -> Path:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ModelUnavailableError(
             f"the weights of '{model}' ({role.needed}) are not on this machine and cannot be fetched now ({reason}); "
-            f"where there is a network, {fetch_advice(model)}"
+            f"where there is a network, fetch them once with: {fetch_command(model)}"
         ) from error

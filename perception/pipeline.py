@@ -1,9 +1,10 @@
 """Frames and names in, scene estimate out: detect, suppress, segment, lift to points, fit, merge cameras."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,12 +14,15 @@ from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
 from perception.instances import group_by_thing, instance_name
 from perception.interfaces import Detection, Detector, Segmenter
+from perception.known_fit import KnownFit, KnownSettings, fit_known
+from perception.known_models import KnownModel
 from perception.looks import look_of
 from perception.merging import merge
 from perception.nms import suppress
 from perception.options import PerceptionOptions
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
 from perception.refine import Refined
+from perception.shape_choice import kinds_of
 from perception.solids import Solid
 from perception.support import SupportPlane, estimate_support
 
@@ -27,11 +31,10 @@ STAGES = ("detect", "segment", "pose", "merge")
 
 @dataclass(frozen=True)
 class _View:
-    """What one camera gave: estimates by name, reasons by name, and the support."""
+    """What one camera gave: estimates by name, and reasons by name."""
 
     found: dict[str, ObjectEstimate]
     missing: dict[str, str]
-    support: SupportPlane
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Perception:
         settings: Of the pose estimate.
         options: Which boxes that overlap are kept, and how many.
         instances: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
+        known: Things whose shape is known beforehand, by name. They are looked for by their shape in the depth of all
+            cameras together; the detector is not asked for them.
     """
 
     detector: Detector
@@ -51,6 +56,7 @@ class Perception:
     settings: PoseSettings = field(default_factory=PoseSettings)
     options: PerceptionOptions = field(default_factory=PerceptionOptions)
     instances: int = 1
+    known: Mapping[str, KnownModel] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def name(self) -> str:
@@ -85,10 +91,28 @@ class Perception:
             )
         wanted = tuple(dict.fromkeys(name.strip().lower().replace(" ", "_") for name in names))
         seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
-        views = [self._look(frame, wanted, seconds) for frame in frames]
+        supports = [estimate_support(frame) for frame in frames]
+        started = time.perf_counter()
+        asked = [self.known[name] for name in wanted if name in self.known]
+        table = next((s for s in supports if s.seen), supports[0])
+        fits = fit_known(frames, asked, table, KnownSettings(self.settings.noise)) if asked else {}
+        seconds["pose"] += time.perf_counter() - started
+        standing = [fit for fit in fits.values() if isinstance(fit, KnownFit)]
+        others = tuple(name for name in wanted if name not in fits)
+        views = [
+            self._look(frame, others, support, standing, seconds)
+            for frame, support in zip(frames, supports, strict=True)
+        ]
         started = time.perf_counter()
         objects, unseen = [], []
         for name in wanted:
+            fit = fits.get(name)
+            if isinstance(fit, KnownFit):
+                objects.append(_known_estimate(fit, frames))
+                continue
+            if fit is not None:
+                unseen.append(Unseen(name, fit))
+                continue
             phrase = name.replace("_", " ")
             seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
             # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
@@ -98,19 +122,25 @@ class Perception:
                 objects.append(replace(merge(group), name=free))
             if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
-        supports = [v.support.height for v in views if v.support.seen] or [0.0]
         seconds["merge"] += time.perf_counter() - started
         return SceneEstimate(
             objects=tuple(objects),
             unseen=tuple(unseen),
-            support_height=float(np.median(supports)),
+            support_height=float(np.median([s.height for s in supports if s.seen] or [0.0])),
             stamp=max(frame.stamp for frame in frames),
             source=self.name + "".join(f"; camera '{frame.camera}' has no depth" for frame in blind),
             seconds=seconds,
         )
 
-    def _look(self, frame: RgbdFrame, names: tuple[str, ...], seconds: dict[str, float]) -> _View:
-        """Everything one camera can say; adds the time spent to `seconds`."""
+    def _look(
+        self,
+        frame: RgbdFrame,
+        names: tuple[str, ...],
+        support: SupportPlane,
+        standing: Sequence[KnownFit],
+        seconds: dict[str, float],
+    ) -> _View:
+        """Everything one camera can say about what the detector finds; adds the time spent to `seconds`."""
         clock = time.perf_counter()
         phrases = {name.replace("_", " "): name for name in names}
         boxes = self._boxes(frame, tuple(phrases)) if phrases else []
@@ -131,7 +161,6 @@ class Perception:
         seconds["segment"] += time.perf_counter() - clock
 
         clock = time.perf_counter()
-        support = estimate_support(frame)
         missing = dict.fromkeys(names, "no box above the threshold")
         clouds: dict[str, MaskedCloud] = {}
         for name, mask in masks.items():
@@ -141,7 +170,7 @@ class Perception:
             else:
                 clouds[name] = cloud
         found: dict[str, ObjectEstimate] = {}
-        solids: list[Solid] = []
+        solids: list[Solid] = [board for fit in standing for board in fit.model.carriers(fit.world_T_model)]
         vessels: list[Solid] = []
         # From the lowest upwards, so that what carries a thing is known before the thing.
         upwards = sorted(clouds, key=lambda n: clouds[n].lowest)
@@ -152,12 +181,12 @@ class Perception:
                 above |= clouds[other].mask
             look = look_of(best[name].phrase)
             fitted = fit_solid(
-                frame, cloud, look.solid, support, solids, self.settings, above, vessels, look.equal_sides
+                frame, cloud, kinds_of(look), support, solids, self.settings, above, vessels, look.equal_sides
             )
             (vessels if look.hollow else solids).append(fitted.solid)
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock
-        return _View(found, missing, support)
+        return _View(found, missing)
 
     def _boxes(self, frame: RgbdFrame, phrases: tuple[str, ...]) -> list[Detection]:
         """What the detector found, without boxes of what a better one has found already."""
@@ -187,6 +216,33 @@ class Perception:
         )
 
 
+def _known_estimate(fit: KnownFit, frames: Sequence[RgbdFrame]) -> ObjectEstimate:
+    """What was fitted to a known model, with the pixels that agree with it as evidence."""
+    evidence = []
+    for frame, mask in zip(frames, fit.masks(frames), strict=True):
+        if mask.any():
+            v, u = np.nonzero(mask)
+            box = np.array([u.min(), v.min(), u.max() + 1, v.max() + 1], float)
+            share = float(frame.valid_depth[mask].mean())
+            evidence.append(Evidence(frame.camera, box, mask, share, "known shape"))
+    names = [part.name for part in fit.model.parts]
+    return ObjectEstimate(
+        name=fit.model.name,
+        phrase=fit.model.name.replace("_", " "),
+        world_T_object=fit.world_T_model,
+        extents=fit.model.extents,
+        shape="box",
+        position_std=fit.position_std,
+        yaw_std=fit.yaw_std,
+        score=float(np.clip(fit.agreeing, 0.0, 1.0)),
+        stamp=max(frame.stamp for frame in frames),
+        evidence=tuple(evidence),
+        joint_fractions=dict(zip(names, map(float, fit.fractions), strict=True)),
+        joint_stds=dict(zip(names, map(float, fit.fraction_std), strict=True)),
+        extents_std=np.zeros(3),
+    )
+
+
 def _give_shared_pixels_to_the_smaller(masks: dict[str, np.ndarray]) -> None:
     """Pixels that two masks claim go to the smaller mask: what stands on or in a thing hides it, not the reverse."""
     taken: np.ndarray | None = None
@@ -203,7 +259,10 @@ def default_perception() -> Perception:
 
 
 def perception_from_options(
-    detector: str = "default", segmenter: str = "default", options: PerceptionOptions | None = None
+    detector: str = "default",
+    segmenter: str = "default",
+    options: PerceptionOptions | None = None,
+    known: Mapping[str, KnownModel] | None = None,
 ) -> Perception:
     """Perception from two words or model names.
 
@@ -213,12 +272,15 @@ def perception_from_options(
         segmenter: "default", "grabcut", "bundled", or a folder or hub name of a SAM or SAM 2 such as
             "facebook/sam-vit-base".
         options: How they run and what is kept; its defaults if None.
+        known: Things whose shape is known beforehand, by name.
 
     Raises:
         ModelUnavailableError: There are no bundled weights. Other weights are looked for at the first look.
     """
     options = options or PerceptionOptions()
-    return Perception(_detector(detector, options), _segmenter(segmenter, options), options=options)
+    return Perception(
+        _detector(detector, options), _segmenter(segmenter, options), options=options, known=dict(known or {})
+    )
 
 
 def _detector(name: str, options: PerceptionOptions) -> Detector:
@@ -231,7 +293,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
             settings = replace(settings, threshold=options.threshold)
         return ColourShapeDetector(settings)
     if name == "bundled":
-        return bundled.BundledDetector(threshold=options.threshold, device=options.device, precision=options.precision)
+        return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
     from perception.hf_models import THRESHOLD, TransformersDetector
 
     return TransformersDetector(
@@ -250,7 +312,7 @@ def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
 
         return GrabCutSegmenter()
     if name == "bundled":
-        return bundled.bundled_segmenter(options.device, options.precision)
+        return bundled.bundled_segmenter(bundled.SEGMENTER_FOLDER, options.device, options.precision)
     from perception.crop_segmenter import CropSegmenter, read_crop_settings
     from perception.hf_models import TransformersSegmenter
 

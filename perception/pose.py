@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.cloud import StereoNoise, depth_steps, largest_cluster, world_points
-from perception.estimates import Shape
+from perception.cleaning import trusted_depth
+from perception.cloud import StereoNoise, largest_cluster, world_points
 from perception.frames import RgbdFrame
 from perception.refine import Refined, observe, refine
 from perception.resting import LowerEnd, find_bottom, lower_end
-from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
+from perception.shape_choice import Kind, first_fit
+from perception.solids import Solid
 from perception.support import SupportPlane
 
 VESSEL_FLOOR_STD = 0.006  # how far the floor of a bowl may lie above what the bowl stands on, in [m]
@@ -72,7 +73,7 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
     share = float(known.sum() / size)
     if share < settings.least_depth_share:
         return f"not enough depth ({share:.0%} of its pixels, {settings.least_depth_share:.0%} are needed)"
-    used = known & ~depth_steps(frame.depth, frame.valid_depth, settings.depth_step, settings.edge_px)
+    used = known & trusted_depth(frame.depth, settings.depth_step, settings.edge_px)
     if used.sum() < max(settings.least_points, 0.3 * known.sum()):
         used = known  # a thing so small or thin that all of it lies beside a step
     points = world_points(frame, used)
@@ -97,7 +98,7 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
 def fit_solid(
     frame: RgbdFrame,
     cloud: MaskedCloud,
-    shape: Shape,
+    shapes: Sequence[Kind],
     table: SupportPlane,
     others: Sequence[Solid],
     settings: PoseSettings,
@@ -105,12 +106,12 @@ def fit_solid(
     vessels: Sequence[Solid] = (),
     equal_sides: bool = False,
 ) -> Refined:
-    """Solid of the given shape that rests on the table or on one of the others, with its spread.
+    """Solid that rests on the table or on one of the others, with its spread.
 
     Args:
         frame: The picture.
         cloud: Trusted points of the thing.
-        shape: Solid to fit.
+        shapes: Solids that it may be; of several the one is taken that its points say it is.
         table: Where the table is.
         others: Solids already fitted, one of which may carry the thing.
         settings: Of the estimate.
@@ -123,15 +124,12 @@ def fit_solid(
     bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std, _around(frame, cloud))
     if inside:
         bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
-    if shape == "sphere":
-        first = fit_sphere(cloud.points)
-        # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
-        if inside or abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std:
-            bottom = (first.bottom, 1.0)
-    elif shape == "cylinder":
-        first = fit_cylinder(cloud.points, bottom[0], cloud.depth_std)
-    else:
-        first = fit_box(cloud.points, bottom[0], cloud.depth_std)
+    first, lying = first_fit(cloud.points, shapes, bottom[0], cloud.depth_std)
+    if lying is not None:
+        return lying
+    # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
+    if first.shape == "sphere" and (inside or abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std):
+        bottom = (first.bottom, 1.0)
     patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
     seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering, equal_sides)
     return refine(first, seen)

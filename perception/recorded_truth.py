@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from perception.errors import FrameError
-from perception.ground_truth import FrameTruth, TrueObject
+from perception.ground_truth import FrameTruth, TrueObject, box_around
 
 TRUTH_TOPIC = "/replan/truth"
 LABELS_ENDING = "/truth/labels"
@@ -85,9 +85,3 @@ class RecordedTruth(BaseModel):
                 )
             )
         return FrameTruth(tuple(found), self.absent)
-
-
-def box_around(mask: np.ndarray) -> np.ndarray:
-    """(x0, y0, x1, y1) around the pixels of a mask that has some, in [px], x1 and y1 just outside; shape (4,)."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)

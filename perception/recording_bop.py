@@ -24,9 +24,8 @@ from perception.bop_models import MM, BopModel, find_models, find_names, name_of
 from perception.depth_units import checked_scale, depth_in_metres
 from perception.errors import FrameError
 from perception.frames import CameraIntrinsics, RgbdFrame
-from perception.ground_truth import FrameTruth, TrueObject
+from perception.ground_truth import FrameTruth, TrueObject, box_around
 from perception.levelling import camera_above_plane
-from perception.recorded_truth import box_around
 from perception.recording import Recording, Skipped, TruthOfFrame
 from perception.recording_png import first_depth, read_picture
 
@@ -65,7 +64,7 @@ class BopScene(Recording):
         self._models = read_models(models) if models is not None else {}
         names_file = names or find_names(models)
         self._names = read_names(names_file) if names_file is not None else {}
-        said = [c["depth_scale"] * MM for c in self._cameras.values() if isinstance(c, dict) and "depth_scale" in c]
+        said = any(isinstance(c, dict) and "depth_scale" in c for c in self._cameras.values())
         self._scale = depth_scale
         notes = []
         if depth_scale is not None or not said:

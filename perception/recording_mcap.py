@@ -197,12 +197,12 @@ class McapRecording(Recording):
             depth, colour = lens.straight_depth(depth), lens.straight_colour(colour)
             stamp = _nanoseconds(message)
             if self._world is not None:
-                pose = self._tree.pose(self._world, message.content.header.frame_id, stamp * 1e-9)
+                pose = self._tree.pose(self._world, message.content.header.frame_id, stamp / 1e9)
             elif self._lens_file is not None and self._lens_file.world_T_camera is not None:
                 pose = np.array(self._lens_file.world_T_camera, float)
             else:
                 pose = camera_above_plane(depth, lens.intrinsics)
-            frame = RgbdFrame(colour, depth, lens.intrinsics, pose, stamp * 1e-9, camera.name)
+            frame = RgbdFrame(colour, depth, lens.intrinsics, pose, stamp / 1e9, camera.name)
             return TruthOfFrame(frame, None if truths is None else truths.take(camera.name, stamp))
         except FrameError as error:
             return Skipped(_where(message), str(error))

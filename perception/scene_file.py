@@ -79,6 +79,8 @@ class ObjectRecord(_Strict):
         name, shape, world_T_object, extents, position_std, score: As in `perception.estimates.ObjectEstimate`.
         yaw_std: In [rad], or null where a yaw has no meaning.
         joint_fractions: How far its joints are open, 0..1.
+        joint_stds: Spreads of these.
+        extents_std: Spread of the extents in [m], or null where nobody says.
         box_px: (x0, y0, x1, y1) in the picture in [px], or null.
         depth_share: Share of its pixels with depth, or null.
         track: The thing that it is, where frames were followed.
@@ -92,6 +94,8 @@ class ObjectRecord(_Strict):
     yaw_std: float | None = None
     score: float = 1.0
     joint_fractions: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default_factory=dict)
+    joint_stds: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
+    extents_std: tuple[float, float, float] | None = None
     box_px: tuple[float, float, float, float] | None = None
     depth_share: float | None = None
     track: TrackRecord | None = None
@@ -148,6 +152,8 @@ class LookRecord(_Strict):
                 score=o.score,
                 stamp=self.stamp,
                 joint_fractions=dict(o.joint_fractions),
+                joint_stds=dict(o.joint_stds),
+                extents_std=None if o.extents_std is None else np.asarray(o.extents_std),
             )
             for o in self.objects
         )
@@ -255,6 +261,8 @@ def _record(o: ObjectEstimate, track: Track | None) -> ObjectRecord:
             "yaw_std": o.yaw_std if math.isfinite(o.yaw_std) else None,
             "score": round(o.score, 3),
             "joint_fractions": dict(o.joint_fractions),
+            "joint_stds": dict(o.joint_stds),
+            "extents_std": None if o.extents_std is None else np.asarray(o.extents_std).tolist(),
             "box_px": np.asarray(seen.box_px).tolist() if seen else None,
             "depth_share": round(seen.depth_share, 3) if seen else None,
             "track": TrackRecord.of(track) if track else None,

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from perception.errors import FrameError
 
-REACH = 0.1  # [s] before the first or behind the last transform, in which that one holds
-GAP = 0.5  # [s] without a transform, behind which something that moved meanwhile is not interpolated any more
+REACH = 0.1  # [s] around a transform in which it holds by itself, at either end of all and at a gap
+GAP = 0.5  # [s] without a transform, over which something that moved meanwhile is not interpolated
 STILL = 1e-6  # [m] and quaternion components; transforms that differ less are the same
 ROW = 8  # stamp [s], position [m], quaternion x y z w
 
@@ -42,7 +42,9 @@ class TransformTree:
         for t in transforms:
             parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
             p, r = t.transform.translation, t.transform.rotation
-            row = np.array([t.header.stamp.sec + t.header.stamp.nanosec * 1e-9, p.x, p.y, p.z, r.x, r.y, r.z, r.w])
+            row = np.array(
+                [(t.header.stamp.sec * 10**9 + t.header.stamp.nanosec) / 1e9, p.x, p.y, p.z, r.x, r.y, r.z, r.w]
+            )
             length = float(np.linalg.norm(row[4:]))
             if not np.isfinite(row).all() or abs(length - 1.0) > 0.01 or not parent or not child:
                 wrong = f"the transform from '{parent}' to '{child}' is none: {np.round(row[1:], 6).tolist()}"
@@ -103,17 +105,16 @@ class TransformTree:
             return _matrix(rows[-1, 1:4], Rotation.from_quat(rows[-1, 4:]))
         times = rows[:, 0]
         k = int(np.searchsorted(times, stamp))
-        if k in (0, len(times)):
-            near = rows[0 if k == 0 else -1]
+        before, after = rows[max(k - 1, 0)], rows[min(k, len(rows) - 1)]
+        outside = k in (0, len(times))
+        if outside or (after[0] - before[0] > GAP and np.abs(after[1:] - before[1:]).max() > STILL):
+            near = before if abs(before[0] - stamp) < abs(after[0] - stamp) else after
             if abs(near[0] - stamp) > REACH:
+                they = f"go from {times[0]:.3f} to {times[-1]:.3f} s" if outside else f"jump from {before[0]:.3f} s on"
                 raise FrameError(
-                    f"no transform of '{child}' within {REACH:g} s: they go from {times[0]:.3f} to {times[-1]:.3f} s, "
-                    f"the picture is of {stamp:.3f} s"
+                    f"no transform of '{child}' within {REACH:g} s of the picture at {stamp:.3f} s: they {they}"
                 )
             return _matrix(near[1:4], Rotation.from_quat(near[4:]))
-        before, after = rows[k - 1], rows[k]
-        if after[0] - before[0] > GAP and np.abs(after[1:] - before[1:]).max() > STILL:
-            raise FrameError(f"no transform of '{child}' for {after[0] - before[0]:.2f} s around {stamp:.3f} s")
         share = (stamp - before[0]) / (after[0] - before[0])
         turned = Slerp([0.0, 1.0], Rotation.from_quat([before[4:], after[4:]]))(share)
         return _matrix((1 - share) * before[1:4] + share * after[1:4], turned)

@@ -1,7 +1,6 @@
 """What works on this machine: packages, rendering, model weights, a robot."""
 
 import importlib.metadata
-import importlib.util
 import platform
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,13 +16,6 @@ PACKAGES = {
     "transformers": "GroundingDINO and SAM",
     "example-robot-data": "the Panda's description",
 }
-# Published models that the perception pipeline knows how to load, and what each is for.
-MODELS = {
-    "IDEA-Research/grounding-dino-base": "detector",
-    "IDEA-Research/grounding-dino-tiny": "detector",
-    "facebook/sam-vit-base": "segmenter",
-    "facebook/sam2-hiera-tiny": "segmenter",
-}
 
 
 @dataclass(frozen=True)
@@ -36,6 +28,7 @@ class Finding:
         ok: Whether it is there and works.
         detail: Version, place, or what to do.
         needed: Whether a simulated run is impossible without it.
+        command: What to type to get it, where that is known.
     """
 
     topic: str
@@ -43,6 +36,7 @@ class Finding:
     ok: bool
     detail: str
     needed: bool = False
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,17 +60,20 @@ class Findings:
         }
 
 
-def examine(robot_endpoint: str) -> Findings:
+def examine(robot_endpoint: str, detector: str = "default", segmenter: str = "default") -> Findings:
     """Look at everything; takes a few seconds.
 
     Args:
         robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
+        detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
     """
+    from replan.doctor_weights import examine_weights
+
     items = [_package(name, use) for name, use in PACKAGES.items()]
     items.append(_rendering())
-    items.append(Finding("weights", "colour-and-shape detector", True, "embedded; not a learned model"))
-    items.append(Finding("weights", "GrabCut-and-depth masks", True, "embedded; not a learned model"))
-    items += [_weights(name, use) for name, use in MODELS.items()]
+    items += [
+        Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
+    ]
     items.append(_robot(robot_endpoint))
     return Findings(tuple(items))
 
@@ -100,18 +97,6 @@ def _rendering() -> Finding:
         return Finding("rendering", "off-screen", True, f"MUJOCO_GL={available_backend()} works", needed=True)
     except StackError as error:
         return Finding("rendering", "off-screen", False, str(error), needed=True)
-
-
-def _weights(name: str, use: str) -> Finding:
-    if importlib.util.find_spec("huggingface_hub") is None:
-        return Finding("weights", name, False, f"{use}; huggingface_hub is not installed; run: make setup")
-    from huggingface_hub import try_to_load_from_cache
-
-    path = try_to_load_from_cache(name, "config.json")
-    weights = try_to_load_from_cache(name, "model.safetensors")
-    if isinstance(path, str) and isinstance(weights, str):
-        return Finding("weights", name, True, f"{use}, in the local cache")
-    return Finding("weights", name, False, f"{use}, not here; fetch with: .venv/bin/hf download {name}")
 
 
 def _robot(endpoint: str) -> Finding:
@@ -141,5 +126,10 @@ def render(findings: Findings) -> str:
         table.add_row(mark, f.topic, f.name, f.detail)
     out = io.StringIO()
     Console(file=out, width=120, no_color=True).print(table)
+    lines = [line.rstrip() for line in out.getvalue().splitlines()]
+    # Below the table and unfolded, so that they can be copied.
+    commands = [f.command for f in findings.items if f.command]
+    if commands:
+        lines += ["weights from the hub that are not here are fetched, each once, with:", *(f"  {c}" for c in commands)]
     verdict = "a simulated run is possible" if findings.can_simulate else "a simulated run is NOT possible; see MISSING"
-    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + f"\n{verdict}"
+    return "\n".join([*lines, verdict])

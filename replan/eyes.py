@@ -44,7 +44,7 @@ class CameraEyes:
         self.pictures: tuple[np.ndarray, ...] = ()  # colour pictures of the last look, uint8, (h, w, 3)
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
-        """Take fresh frames and find the named objects in them.
+        """Take fresh frames and find the named objects in them, and what is known to stand in the cell.
 
         Raises:
             PerceptionError: A frame cannot be used, or the detector cannot work at all.
@@ -56,7 +56,7 @@ class CameraEyes:
         self.pictures = tuple(frame.colour for frame in frames)
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._episode.numbered("look", "npz"), frames)
-        scene = self._perception.perceive(frames, names)
+        scene = self._perception.perceive(frames, (*names, *self._perception.known))
         cameras = "+".join(f.camera for f in frames)
         result = PerceptionResult(source=scene.source, frames=(LookRecord.of(scene, cameras),))
         result.write(self._episode.numbered("objects", "json"))
@@ -80,6 +80,7 @@ class CameraEyes:
                     "extents": o.extents,
                     "shape": o.shape,
                     "position_std": o.position_std,
+                    "joint_fractions": o.joint_fractions,
                     "score": o.score,
                 }
                 for o in scene.objects

@@ -1,6 +1,7 @@
 """Offscreen pictures of MuJoCo models: colour and metric depth, on a machine with or without a screen."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal
@@ -130,6 +131,42 @@ class Offscreen:
             self._scene.flags[flat] = 0
         return self._metres(np.flipud(buffer))
 
+    def bodies(
+        self, data: mujoco.MjData, view: str | FreeView, width: int, height: int, roots: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Which body each pixel shows; arguments as for `colour`.
+
+        Args:
+            roots: Bodies (their numbers), each with everything that hangs on it.
+
+        Returns:
+            Labels, uint16, shape (height, width): 1 + index into `roots`, 0 for everything else. And for each root how
+            many pixels it would have with nothing in front of it, shape (len(roots),).
+        """
+        if self._sharp is None:
+            self._context.make_current()
+            self._sharp = self._buffers(0)
+        flat = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flat] = 1
+        try:
+            rect = self._draw(self._sharp, data, view, width, height)
+            label_of = np.zeros(self._scene.ngeom + 1, np.uint16)
+            for geom in self._scene.geoms[: self._scene.ngeom]:
+                if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
+                    root = self._model.body_rootid[self._model.geom_bodyid[geom.objid]]
+                    label_of[geom.segid + 1] = roots.index(root) + 1 if root in roots else 0
+            labels = label_of[self._ids(rect)]
+            numbers = np.array([g.segid for g in self._scene.geoms[: self._scene.ngeom]])
+            alone = np.zeros(len(roots), int)
+            for k in range(len(roots)):
+                for geom, number in zip(self._scene.geoms[: self._scene.ngeom], numbers, strict=True):
+                    geom.segid = number if label_of[number + 1] == k + 1 else -1  # what has no number is not drawn
+                mujoco.mjr_render(rect, self._scene, self._sharp)
+                alone[k] = np.count_nonzero(label_of[self._ids(rect)] == k + 1)
+        finally:
+            self._scene.flags[flat] = 0
+        return labels, alone
+
     def depth_and_geoms(
         self, data: mujoco.MjData, view: str | FreeView, width: int, height: int
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -146,23 +183,26 @@ class Offscreen:
         try:
             rect = self._draw(self._sharp, data, view, width, height)
             buffer = np.empty((height, width), np.float32)
-            painted = np.empty((height, width, 3), np.uint8)
-            mujoco.mjr_readPixels(painted, buffer, rect, self._sharp)
+            mujoco.mjr_readPixels(None, buffer, rect, self._sharp)
+            numbers = self._ids(rect)
         finally:
             self._scene.flags[flat] = 0
-        # MuJoCo paints each drawn thing in the colour of its number + 1.
-        number = painted.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
         geom_of = np.full(self._scene.ngeom + 1, -1, np.int32)
-        for i in range(self._scene.ngeom):
-            drawn = self._scene.geoms[i]
+        for drawn in self._scene.geoms[: self._scene.ngeom]:
             if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM and drawn.segid >= 0:
                 geom_of[drawn.segid + 1] = drawn.objid
-        return self._metres(np.flipud(buffer)), geom_of[np.flipud(number)]
+        return self._metres(np.flipud(buffer)), geom_of[numbers]
 
     def upload_texture(self, texture: int) -> None:
         """Show a texture of the model as it is now, after its data were rewritten."""
         self._context.make_current()
         mujoco.mjr_uploadTexture(self._model, self._smooth, texture)
+
+    def _ids(self, rect: mujoco.MjrRect) -> np.ndarray:
+        """Numbers that the pixels' colours say, plus 1; 0 is background; shape (height, width)."""
+        picture = np.empty((rect.height, rect.width, 3), np.uint8)
+        mujoco.mjr_readPixels(picture, None, rect, self._sharp)
+        return np.flipud(picture).astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
 
     def _buffers(self, samples: int) -> mujoco.MjrContext:
         """Offscreen buffers with this many samples a pixel, which MuJoCo reads from the model."""

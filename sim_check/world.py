@@ -11,7 +11,9 @@ import numpy as np
 from control.errors import ConfigError
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR
+from perception.estimates import Shape
 from perception.frames import CameraIntrinsics
+from perception.ground_truth import FrameTruth, TrueObject, box_around
 from sim_check.arrangement import arrange
 from sim_check.cell_config import CellConfig, DepthNoiseConfig, SimulationConfig
 from sim_check.depth_noise import stereo_depth
@@ -35,6 +37,7 @@ from sim_check.scene_mjcf import (
 from sim_check.settling import settle
 
 TRUTH_STEP = 0.001  # [s]
+LEAST_PIXELS = 10  # [px]; a thing that shows less is not in a picture
 
 
 @dataclass
@@ -118,9 +121,7 @@ class World:
         Raises:
             ConfigError: No such camera, or no way to render on this machine.
         """
-        view = next((c for c in self.cameras if c.name == camera_name), None)
-        if view is None:
-            raise ConfigError(f"there is no camera '{camera_name}'; there are {[c.name for c in self.cameras]}")
+        view = self._view(camera_name)
         state = self.data if data is None else data
         lens = view.intrinsics
         colour = self._offscreen().colour(state, camera_name, lens.width, lens.height)
@@ -132,6 +133,45 @@ class World:
         pose[:3, :3] = state.cam_xmat[camera].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
         pose[:3, 3] = state.cam_xpos[camera]
         return colour, depth, pose, lens
+
+    def frame_truth(self, camera_name: str) -> FrameTruth:
+        """What truly is in a camera's picture of now: objects and furniture that show at least `LEAST_PIXELS`.
+
+        Call it from the thread that renders. Where the noise of the cameras' depth loses pixels, masks keep them.
+
+        Raises:
+            ConfigError: No such camera, or no way to render on this machine.
+        """
+        lens = self._view(camera_name).intrinsics
+        things = {**self.objects, **self.furniture}
+        roots = [int(self.model.body(name).id) for name in things]
+        labels, alone = self._offscreen().bodies(self.data, camera_name, lens.width, lens.height, roots)
+        found = []
+        for k, (name, thing) in enumerate(things.items()):
+            mask = labels == k + 1
+            seen = int(mask.sum())
+            if seen < LEAST_PIXELS:
+                continue
+            parts = self.furniture[name].parts if name in self.furniture else ()
+            found.append(
+                TrueObject(
+                    name,
+                    self.object_pose(name),
+                    thing.extents,
+                    _shape(thing),
+                    mask,
+                    box_around(mask),
+                    min(1.0, seen / max(1, int(alone[k]))),
+                    {p.name: self.joint_fraction(p.name) for p in parts},
+                )
+            )
+        return FrameTruth(tuple(found))
+
+    def _view(self, camera_name: str) -> CameraView:
+        view = next((c for c in self.cameras if c.name == camera_name), None)
+        if view is None:
+            raise ConfigError(f"there is no camera '{camera_name}'; there are {[c.name for c in self.cameras]}")
+        return view
 
     def spectator(self, view: FreeView | None = None, width: int = 640, height: int = 480) -> np.ndarray:
         """Colour picture from where no camera of the cell stands, for reports; uint8, shape (height, width, 3).
@@ -216,6 +256,14 @@ def build_world(cell: CellConfig, seed: int, meshes: bool = True, mesh_cache: Pa
         depth_noise=cell.simulation.depth_noise,
         _noise_rng=streams[2],
     )
+
+
+def _shape(thing: ObjectModel | FurnitureModel) -> Shape | None:
+    """The solid that a thing is, if it is one of those that perception knows."""
+    if isinstance(thing, FurnitureModel) or len(thing.solids) != 1:
+        return None
+    kind = thing.solids[0].kind
+    return kind if kind in ("box", "cylinder", "sphere") else None
 
 
 def _mismatched(thing: ObjectModel, simulation: SimulationConfig, rng: np.random.Generator) -> ObjectModel:

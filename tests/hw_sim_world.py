@@ -8,6 +8,7 @@ import numpy as np
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR, TCP_SITE
 from perception.frames import CameraIntrinsics
+from perception.ground_truth import FrameTruth
 from sim_check.panda_mjcf import panda_spec
 
 CUBE = 0.04  # edge in [m]
@@ -48,6 +49,10 @@ class CubeWorld:
         pose[:3, 3] = self.data.body(name).xpos
         pose[:3, :3] = self.data.body(name).xmat.reshape(3, 3)
         return pose
+
+    def frame_truth(self, camera_name: str) -> FrameTruth:
+        """Nothing: the wall hides it."""
+        return FrameTruth(())
 
     def reach(self, position: np.ndarray) -> np.ndarray:
         """Joints in [rad] that bring the tool centre point to a position in [m], hand pointing down as at REST_Q."""

@@ -2,6 +2,7 @@
 
 import string
 from pathlib import Path
+from typing import Any
 
 from perception.hf_models import load_package
 
@@ -38,7 +39,9 @@ def save_tiny_detector(folder: Path, mm: bool = False) -> None:
 
     torch.manual_seed(0)
     vocabulary = tiny_vocabulary()
-    config = (MMGroundingDinoConfig if mm else GroundingDinoConfig)(
+    make_config: Any = MMGroundingDinoConfig if mm else GroundingDinoConfig
+    make_network: Any = MMGroundingDinoForObjectDetection if mm else GroundingDinoForObjectDetection
+    config = make_config(
         backbone_config=ConvNextConfig(hidden_sizes=[8, 16, 32, 64], depths=[1, 1, 1, 1], out_indices=[2, 3, 4]),  # type: ignore[call-arg]
         text_config=BertConfig(
             vocab_size=len(vocabulary),
@@ -59,7 +62,7 @@ def save_tiny_detector(folder: Path, mm: bool = False) -> None:
         num_feature_levels=3,
         max_text_len=32,
     )
-    network = (MMGroundingDinoForObjectDetection if mm else GroundingDinoForObjectDetection)(config)
+    network = make_network(config)
     if mm:
         # Its class head has a bias, zero when new; published and trained ones are far from it.
         with torch.no_grad():

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.cloud import StereoNoise, back_project, depth_steps, height_map, largest_cluster, world_points
+from perception.cleaning import depth_steps, known_depth, speckles, trusted_depth
+from perception.cloud import StereoNoise, back_project, height_map, largest_cluster, world_points
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate
 from perception.frames import CameraIntrinsics, RgbdFrame
@@ -59,6 +60,31 @@ def test_unknown_depth_is_no_step():
     depth = np.full((5, 5), 1.0)
     depth[2, 2] = np.nan
     assert not depth_steps(depth, np.isfinite(depth)).any()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, -1.0])
+def test_numbers_that_are_no_depth_are_unknown(bad):
+    depth = np.full((9, 9), 1.0)
+    depth[4, 4] = bad
+    unknown = np.argwhere(~known_depth(depth))
+    assert unknown.tolist() == [[4, 4]]
+    assert np.argwhere(~trusted_depth(depth)).tolist() == [[4, 4]]
+
+
+def test_a_pixel_that_flies_between_front_and_back_is_not_trusted_nor_are_its_neighbours():
+    depth = np.full((9, 12), 1.0)
+    depth[:, 6:] = 1.5
+    depth[4, 6] = 1.25
+    trusted = trusted_depth(depth)
+    assert not trusted[:, 5:7].any() and trusted[:, :5].all() and trusted[:, 8:].all()
+
+
+def test_a_speckle_is_dropped_and_a_patch_is_kept():
+    depth = np.full((40, 40), 1.0)
+    depth[5:9, 5:9] = 0.97  # 16 pixels
+    depth[20:30, 20:30] = 0.97  # 100 pixels
+    dropped = speckles(depth, known_depth(depth))
+    assert dropped[5:9, 5:9].all() and dropped.sum() == 16
 
 
 def test_stereo_noise_grows_with_the_square_of_the_distance():

@@ -115,6 +115,87 @@ def test_a_broken_picture_is_named(folder):
         list(open_recording(folder))
 
 
+def more_pairs(folder, count):
+    """Further pairs like the first."""
+    for k in range(2, count + 1):
+        for kind in ("color", "depth"):
+            (folder / f"000{k}-{kind}.png").write_bytes((folder / f"0001-{kind}.png").read_bytes())
+
+
+def test_a_broken_picture_in_the_middle_is_left_out_counted_and_named(folder):
+    more_pairs(folder, 4)
+    (folder / "0002-color.png").write_bytes(b"not a picture")
+    whole = (folder / "0003-depth.png").read_bytes()
+    (folder / "0003-depth.png").write_bytes(whole[:-20])
+    recording = open_recording(folder)
+    assert [f.stamp for f in recording] == [0.0, 3.0] and recording.count == 4
+    assert [s.where for s in recording.skipped] == ["0002-depth.png", "0003-depth.png"]
+    assert "0002-color.png' cannot be read as a picture" in recording.skipped[0].reason
+    assert f"cut off after {len(whole) - 20} bytes" in recording.skipped[1].reason
+    list(recording)
+    assert len(recording.skipped) == 2, "a new iteration counts anew"
+
+
+def test_a_folder_of_which_no_frame_can_be_used_says_why(folder):
+    more_pairs(folder, 2)
+    for k in (1, 2):
+        (folder / f"000{k}-color.png").write_bytes(b"not a picture")
+    with pytest.raises(FrameError, match=r"no frame of .* can be used \(2 left out\); first 0001-depth.png: the"):
+        list(open_recording(folder))
+
+
+def without_scale(folder, value):
+    """The folder with an intrinsics file that does not say the unit, and depth of one value."""
+    (folder / "camera.yaml").write_text((INTRINSICS % IDENTITY).replace("depth_scale: 0.0005, ", ""))
+    cv2.imwrite(str(folder / "0001-depth.png"), np.full((6, 8), value, np.uint16))
+    return folder
+
+
+def test_a_unit_that_nobody_wrote_down_is_taken_as_millimetres_where_that_can_be(folder):
+    recording = open_recording(without_scale(folder, 700))
+    (frame,) = recording
+    assert frame.depth[0, 0] == pytest.approx(0.7)
+    assert recording.notes == ("nothing says the unit of the depth; taken as millimetres (half lie beyond 0.70 m)",)
+
+
+@pytest.mark.parametrize(("value", "metres"), [(9000, "9"), (40, "0.04")])
+def test_a_unit_that_nobody_wrote_down_is_asked_for_where_millimetres_are_absurd(folder, value, metres):
+    with pytest.raises(FrameError, match=rf"half of the first would lie beyond {metres} m, .* say --depth-scale with"):
+        open_recording(without_scale(folder, value))
+    (frame,) = open_recording(folder, depth_scale=0.0001)
+    assert frame.depth[0, 0] == pytest.approx(value / 10000)
+
+
+def test_a_unit_that_is_said_goes_before_the_intrinsics_file(folder):
+    (frame,) = open_recording(folder, depth_scale=0.001)
+    assert frame.depth[2, 3] == pytest.approx(2.0)
+    with pytest.raises(FrameError, match=r"a depth scale of 0 is not valid; it is metres per unit, for instance 0.001"):
+        open_recording(folder, depth_scale=0.0)
+
+
+def test_options_that_a_format_has_no_use_for_are_refused(folder, tmp_path):
+    with pytest.raises(FrameError, match="has no use for --object-names: a folder of PNG pairs; leave it out"):
+        open_recording(folder, object_names=folder / "names.yaml")
+    save_npz(tmp_path / "dump.npz", [])
+    with pytest.raises(FrameError, match="has no use for --depth-scale: a dump of frames says everything itself"):
+        open_recording(tmp_path / "dump.npz", depth_scale=0.001)
+
+
+def test_a_damaged_frame_in_the_middle_of_an_npz_is_left_out_and_named(tmp_path):
+    rng, lens = np.random.default_rng(0), CameraIntrinsics(80, 60, 10.0, 11.0, 3.5, 2.5)
+    pictures = [rng.integers(0, 255, (60, 80, 3), dtype=np.uint8) for _ in range(3)]
+    depth = np.ones((60, 80), np.float32)
+    save_npz(tmp_path / "dump.npz", [RgbdFrame(p, depth, lens, np.eye(4), float(i)) for i, p in enumerate(pictures)])
+    data = bytearray((tmp_path / "dump.npz").read_bytes())
+    at = data.index(b"1/colour.npy") + 2000  # in the middle of its pixels
+    data[at : at + 50] = bytes(50)
+    (tmp_path / "dump.npz").write_bytes(data)
+    recording = open_recording(tmp_path / "dump.npz")
+    assert [f.stamp for f in recording] == [0.0, 2.0]
+    (skipped,) = recording.skipped
+    assert skipped.where == "frame 1" and skipped.reason.startswith("it is damaged: ")
+
+
 def test_frames_come_back_from_the_npz_as_they_were(tmp_path):
     rng = np.random.default_rng(0)
     depth = rng.uniform(0.5, 1.5, (6, 8)).astype(np.float32)
@@ -176,6 +257,16 @@ def test_sizes_of_real_things_come_out_of_a_real_depth_camera(tmp_path):
     assert sorted(sugar.extents)[1] == pytest.approx(0.093, abs=0.017)
     # A soup can is 68 mm wide.
     assert soup.extents[0] == pytest.approx(0.068, abs=0.012)
+
+
+@real
+def test_the_unit_of_real_pictures_in_tenths_of_millimetres_is_asked_for_and_of_those_in_millimetres_assumed(tmp_path):
+    lens = tmp_path / "lens.yaml"
+    lens.write_text("{width: 640, height: 480, fx: 1066.778, fy: 1067.487, cx: 312.9869, cy: 241.3109}")
+    with pytest.raises(FrameError, match=r"would lie beyond 9.72 m, outside 0.15 to 5 m; say --depth-scale"):
+        open_recording(REAL_FRAMES / "posecnn_demo", intrinsics=lens)
+    assert len(list(open_recording(REAL_FRAMES / "posecnn_demo", intrinsics=lens, depth_scale=0.0001))) == 2
+    assert "taken as millimetres (half lie beyond 0.6" in open_recording(REAL_FRAMES / "cleargrasp_d435").notes[0]
 
 
 @real

@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from perception.devices import load_package
 from perception.errors import FrameError
-from perception.hf_models import load_package
 
 
 def save_checkpoint(path: Path, parts: dict[str, Any], step: int, seconds: float) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD, load_package
+from perception.devices import load_package
+from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.checkpoints import load_checkpoint, save_checkpoint
 from perception.train.losses import cell_owners, dense_loss, matched_loss
 from perception.train.networks import detector_processor, new_detector

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from perception.hf_models import load_package
+from perception.devices import load_package
 
 MOST_TEXT = 64  # tokens
 SAM_SIDE = 128  # [px]

@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from perception.hf_models import load_package
+from perception.devices import load_package
 
 
 def rate(step: int, total: int, warm_up: int = 300, cool_down: float = 0.3, least: float = 0.02) -> float:

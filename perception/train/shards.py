@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -99,10 +100,10 @@ class Shards:
                 self.words = words
                 starts = np.r_[0, data["picture_ends"]]
                 pictures = data["pictures"]
-                self._pictures += [pictures[a:b].copy() for a, b in zip(starts[:-1], starts[1:], strict=True)]
+                self._pictures += [pictures[a:b].copy() for a, b in pairwise(starts)]
                 ends = np.r_[0, data["label_ends"]]
                 labels = data["labels"]
-                self._labels += [labels[a:b].copy() for a, b in zip(ends[:-1], ends[1:], strict=True)]
+                self._labels += [labels[a:b].copy() for a, b in pairwise(ends)]
                 things = data["things"]
                 self._things += [things[things[:, 0] == k] for k in range(len(starts) - 1)]
         except (OSError, ValueError, KeyError) as error:

@@ -3,8 +3,17 @@
 from replan.commands.bench import Bench
 from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
+from replan.commands.record import Record
 from replan.commands.robot import Robot
 from replan.commands.run import Run
 from replan.commands.validate import Validate
 
-COMMANDS = {"run": Run, "validate": Validate, "perceive": Perceive, "robot": Robot, "doctor": Doctor, "bench": Bench}
+COMMANDS = {
+    "run": Run,
+    "validate": Validate,
+    "perceive": Perceive,
+    "record": Record,
+    "robot": Robot,
+    "doctor": Doctor,
+    "bench": Bench,
+}

@@ -22,6 +22,10 @@ class Doctor:
 
     robot: str = DEFAULT_ENDPOINT
     """Endpoint to look for a robot at."""
+    detector: str = "default"
+    """Also look at these detector weights: local folder or hub name."""
+    segmenter: str = "default"
+    """Also look at these segmenter weights: local folder or hub name."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
@@ -30,6 +34,6 @@ class Doctor:
         console.note("examining packages, rendering, model weights and robot")
         from replan.doctor import examine, render
 
-        findings = examine(self.robot)
+        findings = examine(self.robot, self.detector, self.segmenter)
         console.result(findings.as_json(), render(findings))
         return 0 if findings.can_simulate else 1

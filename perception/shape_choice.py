@@ -1,0 +1,144 @@
+"""Which solid a thing is, where its name does not say so: the one that its points lie on.
+
+Solids of different freedom are compared by what their points leave over (Bayesian information criterion):
+
+    score = n log(mean min(d, 3 s)^2 + s^2) + k log(n)
+
+with the distances d of the points to the surface, the spread s of a point, the number n of points that err
+independently and the number k of the solid's free sizes and places. The lowest score wins.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from perception.looks import ANY_THING, Look
+from perception.refine import Refined
+from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
+
+Kind = Literal["box", "cylinder", "sphere", "lying cylinder"]
+FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5}
+PATCHES = 40.0  # points that err independently are seldom more
+LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's ends and axis in [m]
+
+
+def kinds_of(look: Look) -> tuple[Kind, ...]:
+    """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
+    if look is ANY_THING:
+        return ("box", "cylinder", "sphere", "lying cylinder")
+    if look.noun == "can":
+        return ("cylinder", "lying cylinder", "box")
+    if look.solid == "cylinder" and not look.hollow:
+        return ("cylinder", "lying cylinder")
+    return (look.solid,)
+
+
+def first_fit(
+    points: np.ndarray, kinds: Sequence[Kind], bottom: float, depth_std: float
+) -> tuple[Solid, Refined | None]:
+    """The solid that the points lie on best.
+
+    Args:
+        points: In the world in [m], shape (n, 3).
+        kinds: What it may be; at least one.
+        bottom: Height of the supporting surface in [m].
+        depth_std: Spread of one point in [m].
+
+    Returns:
+        The solid; and, if it is a lying cylinder, its final fit: a box of its length and diameter along its axis.
+    """
+    fits: dict[Kind, Solid] = {}
+    for kind in kinds:
+        if kind == "sphere":
+            fits[kind] = fit_sphere(points)
+        elif kind == "cylinder":
+            fits[kind] = fit_cylinder(points, bottom, depth_std)
+        elif kind == "lying cylinder":
+            fits[kind] = fit_lying_cylinder(points, bottom)
+        else:
+            fits[kind] = fit_box(points, bottom, depth_std)
+    best = kinds[0] if len(kinds) == 1 else min(kinds, key=lambda k: _score(k, fits[k], points, depth_std))
+    solid = fits[best]
+    if best != "lying cylinder":
+        return solid, None
+    spread = np.full(3, LYING_STD + depth_std / 3.0)
+    return solid, Refined(solid, spread, float(np.arctan2(2.0 * LYING_STD, solid.extents[0])), 0.0)
+
+
+def _score(kind: Kind, solid: Solid, points: np.ndarray, depth_std: float) -> float:
+    s = float(np.hypot(depth_std, 0.0015))
+    off = np.minimum(np.abs(surface_distance(kind, solid, points)), 3.0 * s)
+    n = min(float(len(points)), PATCHES)
+    return n * float(np.log(np.mean(off**2) + s**2)) + FREEDOM[kind] * float(np.log(n))
+
+
+def surface_distance(kind: Kind, solid: Solid, points: np.ndarray) -> np.ndarray:
+    """Signed distance of points to a solid's surface in [m], negative inside, shape (n,).
+
+    Args:
+        kind: What the solid is; a lying cylinder is told by the box around it.
+        solid: In the world.
+        points: In the world in [m], shape (n, 3).
+    """
+    local = (points - solid.centre) @ solid.pose[:3, :3]
+    if kind == "sphere":
+        return np.linalg.norm(local, axis=1) - solid.extents[0] / 2
+    if kind == "box":
+        beyond = np.abs(local) - solid.extents / 2
+    else:
+        along, across = (0, (1, 2)) if kind == "lying cylinder" else (2, (0, 1))
+        ends = np.abs(local[:, along]) - solid.extents[along] / 2
+        side = np.linalg.norm(local[:, across], axis=1) - solid.extents[across[0]] / 2
+        beyond = np.stack([ends, side], -1)
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(1), 0.0)
+
+
+def fit_lying_cylinder(points: np.ndarray, bottom: float) -> Solid:
+    """Cylinder that lies on its side, as a box of its length and diameter whose x axis is the cylinder's.
+
+    For every yaw in steps of two degrees, then of half a degree, points are projected along the axis. A circle that
+    touches the support at height h has (y - c)^2 + (z - h)^2 = 2 r (z - h), so that with w = z - h
+
+        y^2 + w^2 = 2 c y + 2 r w - c^2
+
+    is linear in c, r and c^2. The yaw of the smallest scatter of the radii wins; points on the flat ends are trimmed.
+
+    Args:
+        points: In the world in [m], shape (n, 3).
+        bottom: Height of the supporting surface in [m].
+    """
+    if len(points) > 1500:
+        points = points[:: len(points) // 1500 + 1]
+    middle = points.mean(0)
+    local = points - [middle[0], middle[1], bottom]
+    best, answer = np.inf, (0.0, 0.0, 0.02)
+    for step, around in ((2.0, np.arange(0.0, 180.0, 2.0)), (0.5, np.arange(-2.0, 2.5, 0.5))):
+        start = 0.0 if step == 2.0 else np.degrees(answer[0])
+        for yaw in np.radians(start + around):
+            across = -np.sin(yaw) * local[:, 0] + np.cos(yaw) * local[:, 1]
+            centre, radius, off = _touching_circle(across, local[:, 2])
+            scatter = float(np.mean(np.minimum(np.abs(off), 0.01)))
+            if scatter < best:
+                best, answer = scatter, (float(yaw), centre, radius)
+    yaw, centre, radius = answer
+    c, s = np.cos(yaw), np.sin(yaw)
+    along = c * local[:, 0] + s * local[:, 1]
+    # The top of the arc is seen along the whole length; the flat end adds points below it only.
+    low, high = np.quantile(along, (0.01, 0.99))
+    place = middle[:2] + np.array([c, s]) * (low + high) / 2 + np.array([-s, c]) * centre
+    size = np.array([high - low, 2.0 * radius, 2.0 * radius])
+    return Solid("box", np.array([*place, bottom + radius]), yaw, np.maximum(size, 0.004))
+
+
+def _touching_circle(y: np.ndarray, w: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Centre c, radius r and distances to the circle about (c, r) that touches w = 0; trimmed twice."""
+    chosen = np.ones(len(y), bool)
+    centre, radius, off = 0.0, 0.02, np.zeros(len(y))
+    for _ in range(3):
+        design = np.stack([2.0 * y[chosen], 2.0 * w[chosen], -np.ones(int(chosen.sum()))], -1)
+        found = np.linalg.lstsq(design, y[chosen] ** 2 + w[chosen] ** 2, rcond=None)[0]
+        centre, radius = float(found[0]), float(np.clip(found[1], 0.005, 0.3))
+        off = np.hypot(y - centre, w - radius) - radius
+        chosen = np.abs(off) <= np.quantile(np.abs(off), 0.85)
+    return centre, radius, off
