@@ -10,12 +10,17 @@ class OverheardDetector:
     """Asks another detector and keeps its answer.
 
     Attributes:
-        drawn: All boxes of the last look, before any of them is suppressed.
+        drawn: All boxes of the last look, before any of them is suppressed or left out for its score.
     """
 
-    def __init__(self, detector: Detector) -> None:
-        """Nothing was drawn yet."""
-        self._detector = detector
+    def __init__(self, detector: Detector, threshold: float = 0.0) -> None:
+        """Nothing was drawn yet.
+
+        Args:
+            detector: Whom to ask.
+            threshold: Lowest score of a box that is handed on, 0..1.
+        """
+        self._detector, self._threshold = detector, threshold
         self.drawn: tuple[Detection, ...] = ()
 
     @property
@@ -24,7 +29,6 @@ class OverheardDetector:
         return self._detector.name
 
     def detect(self, frame: RgbdFrame, phrases: Sequence[str]) -> list[Detection]:
-        """What the detector answers."""
-        found = self._detector.detect(frame, phrases)
-        self.drawn = tuple(found)
-        return found
+        """What the detector answers, from the threshold on."""
+        self.drawn = tuple(self._detector.detect(frame, phrases))
+        return [box for box in self.drawn if box.score >= self._threshold]

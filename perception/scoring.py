@@ -110,6 +110,13 @@ class Scores:
             )
         )
 
+    def extend(self, other: "Scores") -> None:
+        """Take in the frames of another, for instance of another process."""
+        self._questions += other._questions
+        self._seen += other._seen
+        self._frames += other._frames
+        self._objects += other._objects
+
     def errors(self, name: str | None = None) -> list[PoseError]:
         """Pose errors of the right things, of one name or of all."""
         return [s.error for s in self._seen if s.right_thing and (name is None or s.error.name == name)]

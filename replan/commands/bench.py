@@ -1,4 +1,4 @@
-"""`replan bench goals|motions|planner|poses|retime|diagnosis|verdicts`: measurements, printed as a table or JSON."""
+"""`replan bench NAME`: measurements, printed as a table or JSON."""
 
 from __future__ import annotations
 
@@ -67,6 +67,32 @@ class BenchPoses(_BenchScript):
 
     MODULE: ClassVar[str] = "benchmarks.pose_error"
     EXTRA: ClassVar[tuple[str, ...]] = ("--cameras", "static", "wrist")  # as a run looks
+
+
+@dataclass(frozen=True)
+class BenchPerception:
+    """Boxes, masks, poses and times of perception on held-out pictures of random cells, by detector."""
+
+    detectors: tuple[str, ...] = ()
+    """Rows: default, bundled, DETECTOR+SEGMENTER as `replan perceive` takes them, "given boxes" (true boxes, default
+    segmenter), "given masks" (geometry alone). Default: default colour+grabcut bundled "given boxes" "given masks"."""
+    frames: int = 300
+    """Frames, at 0.5, 0.7 and 1.0 m in turn; all go through every row."""
+    seed: int = 0
+    """Seed of the frames; none of them is ever trained on."""
+    jobs: int = 1
+    """Processes that share the frames; times mean something with 1 only."""
+    full_size: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Instead: processor time and memory of full-size GroundingDINO, SAM and SAM 2; random weights, nothing fetched."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.perception", "--frames", str(self.frames)]
+        command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
+        command += ["--detectors", *self.detectors] if self.detectors else []
+        return _call([*command, *["--full-size"] * self.full_size, *["--json"] * self.json])
 
 
 @dataclass(frozen=True)
@@ -158,12 +184,13 @@ class BenchVerdicts:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure: goals in the simulated cell, motions, planners, pose errors, retiming, causes of failures, verdicts."""
+    """Measure: goals in the simulated cell, perception, motions, planners, retiming, causes of failures, verdicts."""
 
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[BenchGoals, tyro.conf.subcommand("goals")]
             | Annotated[BenchMotions, tyro.conf.subcommand("motions")]
+            | Annotated[BenchPerception, tyro.conf.subcommand("perception")]
             | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
