@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from perception.frames import RgbdFrame
 from perception.interfaces import Detection, Detector, Segmenter
 from perception.looks import look_of
 from perception.merging import merge
+from perception.model_files import DETECTOR, SEGMENTER, find_model
 from perception.nms import suppress
 from perception.options import PerceptionOptions
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
@@ -203,7 +203,8 @@ def perception_from_options(
         options: How they run and what is kept; its defaults if None.
 
     Raises:
-        ModelUnavailableError: There are no bundled weights. Other weights are looked for at the first look.
+        ModelUnavailableError: The weights are not on this machine (and cannot be fetched), or of another kind. They
+            are loaded at the first look only.
     """
     options = options or PerceptionOptions()
     return Perception(_detector(detector, options), _segmenter(segmenter, options), options=options)
@@ -222,6 +223,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
         return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
     from perception.hf_models import THRESHOLD, TransformersDetector
 
+    find_model(name, DETECTOR, options.offline)  # now, so that a wrong name does not wait for the first look
     return TransformersDetector(
         name,
         offline=options.offline,
@@ -242,7 +244,7 @@ def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
     from perception.crop_segmenter import CropSegmenter, read_crop_settings
     from perception.hf_models import TransformersSegmenter
 
-    folder = Path(name).expanduser()
+    folder = find_model(name, SEGMENTER, options.offline)
     crops = read_crop_settings(folder)
     if crops is not None:
         return CropSegmenter(folder, crops, options.device, options.precision)
