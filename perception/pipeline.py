@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -18,6 +17,7 @@ from perception.known_fit import KnownFit, KnownSettings, fit_known
 from perception.known_models import KnownModel
 from perception.looks import look_of
 from perception.merging import merge
+from perception.model_files import DETECTOR, SEGMENTER, find_model
 from perception.nms import suppress
 from perception.options import PerceptionOptions
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
@@ -275,7 +275,8 @@ def perception_from_options(
         known: Things whose shape is known beforehand, by name.
 
     Raises:
-        ModelUnavailableError: There are no bundled weights. Other weights are looked for at the first look.
+        ModelUnavailableError: The weights are not on this machine (and cannot be fetched), or of another kind. They
+            are loaded at the first look only.
     """
     options = options or PerceptionOptions()
     return Perception(
@@ -296,6 +297,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
         return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
     from perception.hf_models import THRESHOLD, TransformersDetector
 
+    find_model(name, DETECTOR, options.offline)  # now, so that a wrong name does not wait for the first look
     return TransformersDetector(
         name,
         offline=options.offline,
@@ -316,7 +318,7 @@ def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
     from perception.crop_segmenter import CropSegmenter, read_crop_settings
     from perception.hf_models import TransformersSegmenter
 
-    folder = Path(name).expanduser()
+    folder = find_model(name, SEGMENTER, options.offline)
     crops = read_crop_settings(folder)
     if crops is not None:
         return CropSegmenter(folder, crops, options.device, options.precision)

@@ -1,44 +1,21 @@
 """Where weights are and what they are: found without a network, refused by name."""
 
 import json
-import os
+import re
 import shutil
-import subprocess
-import sys
+import socket
 
+import huggingface_hub
+import numpy as np
 import pytest
 
+from perception import hf_models
 from perception.errors import ModelUnavailableError
-from perception.model_files import DETECTOR, SEGMENTER, find_model
-from tests.perception_models import save_tiny_detector, save_tiny_segmenter
-
-# Loads a detector and a segmenter by name, or says why not, on a machine where every socket is refused.
-LOOK = """
-import socket, sys
-asked = []
-def refuse(*args, **kwargs):
-    asked.append(args)
-    raise OSError("no network here")
-socket.socket.connect = refuse
-socket.getaddrinfo = refuse
-import numpy as np
-from perception.errors import PerceptionError
 from perception.frames import CameraIntrinsics, RgbdFrame
+from perception.model_files import DETECTOR, SEGMENTER, find_model
 from perception.options import PerceptionOptions
 from perception.pipeline import perception_from_options
-lens = CameraIntrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)
-frame = RgbdFrame(np.zeros((96, 128, 3), np.uint8), np.ones((96, 128), np.float32), lens, np.eye(4), 0.0)
-for question in sys.argv[1:]:
-    mode, detector = question.split(":")
-    both = perception_from_options(detector, "maker/sam", PerceptionOptions(0.0, offline=mode == "offline"))
-    asked.clear()
-    try:
-        found = both.detector.detect(frame, ["crate"])
-        answer = f"{len(found)} boxes, a mask {both.segmenter.segment(frame, np.array([9, 9, 50, 50])).shape}"
-    except PerceptionError as error:
-        answer = error
-    print(bool(asked), answer)
-"""
+from tests.perception_models import save_tiny_detector, save_tiny_segmenter
 
 
 @pytest.fixture(scope="module")
@@ -54,47 +31,65 @@ def store(tmp_path_factory):
     return home
 
 
-@pytest.fixture(scope="module")
-def answers(store):
-    """What a process that may reach nothing said to each question, and whether it tried to reach anything."""
-    here, absent = ("offline:maker/dino", "online:maker/dino"), ("offline:maker/other", "online:maker/other")
-    questions = (*here, *absent, "offline:maker/cut-off")
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("HF_")}
-    answer = subprocess.run(
-        [sys.executable, "-c", LOOK, *questions],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment | {"HF_HOME": str(store)},
-    )
-    return dict(zip(questions, answer.stdout.splitlines(), strict=True))
+@pytest.fixture
+def asked(store, monkeypatch):
+    """The store in use, and a network that refuses everything; a list of what was tried to reach."""
+    tried = []
+
+    def refuse(*args, **kwargs):
+        tried.append(args)
+        raise OSError("no network here")
+
+    monkeypatch.setattr(socket.socket, "connect", refuse)
+    monkeypatch.setattr(socket, "getaddrinfo", refuse)
+    monkeypatch.setattr(huggingface_hub.constants, "HF_HUB_CACHE", str(store / "hub"))
+    return tried
 
 
-@pytest.mark.parametrize("mode", ["offline", "online"])
-def test_weights_that_are_here_are_used_without_asking_the_network(answers, mode):
-    assert answers[f"{mode}:maker/dino"] == "False 12 boxes, a mask (96, 128)"
+@pytest.mark.parametrize("offline", [True, False])
+def test_weights_that_are_here_are_used_without_asking_the_network(asked, offline):
+    lens = CameraIntrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)
+    frame = RgbdFrame(np.zeros((96, 128, 3), np.uint8), np.ones((96, 128), np.float32), lens, np.eye(4), 0.0)
+    hf_models._load_detector.cache_clear()
+    hf_models.load_segmenter.cache_clear()
+    both = perception_from_options("maker/dino", "maker/sam", PerceptionOptions(threshold=0.0, offline=offline))
+    assert both.detector.detect(frame, ["crate"])
+    assert both.segmenter.segment(frame, np.array([9.0, 9.0, 50.0, 50.0])).shape == (96, 128)
+    assert asked == []
 
 
 @pytest.mark.parametrize("name", ["other", "cut-off"])
-def test_offline_absent_weights_are_named_with_the_command_that_fetches_them(answers, name):
-    assert answers[f"offline:maker/{name}"] == (
-        f"False the weights of 'maker/{name}' (GroundingDINO or MM-GroundingDINO) are not on this machine; "
+def test_offline_absent_weights_are_named_with_the_command_that_fetches_them(asked, name):
+    with pytest.raises(ModelUnavailableError) as caught:
+        find_model(f"maker/{name}", DETECTOR, offline=True)
+    assert str(caught.value) == (
+        f"the weights of 'maker/{name}' (GroundingDINO or MM-GroundingDINO) are not on this machine; "
         f"fetch them once with: .venv/bin/hf download maker/{name}"
     )
+    assert asked == []
 
 
-def test_a_hub_that_cannot_be_reached_is_said(answers):
-    answer = answers["online:maker/other"]
-    assert answer.startswith(
-        "True the weights of 'maker/other' (GroundingDINO or MM-GroundingDINO) are not on this machine and cannot be "
-        "fetched now ("
+def test_a_hub_that_cannot_be_reached_is_said(asked):
+    with pytest.raises(ModelUnavailableError) as caught:
+        find_model("maker/other", DETECTOR, offline=False)
+    assert re.fullmatch(
+        r"the weights of 'maker/other' \(GroundingDINO or MM-GroundingDINO\) are not on this machine and cannot be "
+        r"fetched now \(.+\); where there is a network, fetch them once with: \.venv/bin/hf download maker/other",
+        str(caught.value),
     )
-    assert answer.endswith("where there is a network, fetch them once with: .venv/bin/hf download maker/other")
+    assert asked, "it was tried"
 
 
 def test_a_folder_that_is_not_there_is_named():
     with pytest.raises(ModelUnavailableError, match=r"there is no folder '\./nothing' and it is no hub name \(owner/m"):
         find_model("./nothing", SEGMENTER, offline=False)
+
+
+def test_options_name_weights_that_are_not_there_before_any_look():
+    with pytest.raises(ModelUnavailableError, match=r"there is no folder '\./nothing'"):
+        perception_from_options(detector="./nothing")
+    with pytest.raises(ModelUnavailableError, match=r"the weights of 'maker/no-such' .* are not on this machine"):
+        perception_from_options(segmenter="maker/no-such", options=PerceptionOptions(offline=True))
 
 
 @pytest.mark.parametrize(
