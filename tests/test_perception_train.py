@@ -50,6 +50,13 @@ def test_small_things_are_answered_for_on_the_fine_map_and_the_rest_of_a_thing_i
     assert (coarse == -2).any()
 
 
+def test_a_long_thin_thing_is_small():
+    labels = np.zeros((64, 64), np.uint8)
+    labels[30:34, 2:62] = 1
+    owner = cell_owners(labels, np.array([[2.0, 30.0, 62.0, 34.0]]), [1], [(8, 8), (2, 2)])
+    assert (owner[:64] == 0).sum() >= 1 and (owner[64:] == 0).sum() == 0
+
+
 def test_a_thing_between_cells_is_still_answered_for():
     labels = np.zeros((64, 64), np.uint8)
     labels[10:13, 10:13] = 1

@@ -126,7 +126,8 @@ def cell_owners(
 ) -> np.ndarray:
     """Which thing every cell of the encoder's maps answers for.
 
-    Small things are answered for on fine maps, large ones on coarse maps, with an octave's overlap. A cell answers for
+    Small things are answered for on fine maps, large ones on coarse maps, with an octave's overlap; the size that
+    counts is the root of the visible area, so that a long thin bar is small. A cell answers for
     a thing when its middle lies in the middle half of the thing's box and on the thing; at least the cell nearest to
     the box's middle does. Other cells on the thing are not judged.
 
@@ -150,7 +151,7 @@ def cell_owners(
         order = np.argsort(-(boxes[:, 2:] - boxes[:, :2]).prod(1)) if len(boxes) else []
         for k in order:  # smaller things last: they lie in front
             x0, y0, x1, y1 = boxes[k]
-            side = max(x1 - x0, y1 - y0)
+            side = float(np.sqrt((labels == numbers[k]).sum()))
             owner[(on == numbers[k]) & (owner < 0)] = -2
             low = 0.0 if level == 0 else 3.0 * stride
             high = np.inf if level == len(shapes) - 1 else 9.0 * stride
