@@ -11,6 +11,7 @@ while training runs on those that are there.
 import argparse
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -40,6 +41,8 @@ def main() -> int:
     # Waiting threads must not spin while the rendering needs the core.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     os.environ.setdefault("OMP_NUM_THREADS", str(args.threads))
+    for number in (signal.SIGINT, signal.SIGTERM):  # also in the background, where shells let SIGINT be ignored
+        signal.signal(number, signal.default_int_handler)
     try:
         if args.what == "publish":
             _publish(args)
