@@ -33,6 +33,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from perception.errors import FrameError
 from perception.frames import RgbdFrame
+from perception.ground_truth import box_around
 from perception.interfaces import Detection
 
 NAME = r"[a-z][a-z0-9_]*"
@@ -111,9 +112,7 @@ class GivenMasks:
                     f"{frame.intrinsics.width}x{frame.intrinsics.height}: draw masks in the size of the colour picture"
                 )
             if mask.any():
-                columns, rows = np.nonzero(mask.any(0))[0], np.nonzero(mask.any(1))[0]
-                box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
-                found.append(Detection(phrase, box, 1.0, mask))
+                found.append(Detection(phrase, box_around(mask), 1.0, mask))
         return found
 
     def segment(self, frame: RgbdFrame, box_px: np.ndarray, seed: np.ndarray | None = None) -> np.ndarray:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ from replan.perceive_options import Perceiving, RecordingChoice
 from replan.perceive_tally import Tally
 from replan.progress import Progress
 from replan.result_file import ResultFile
+from sim_check.cells import load_cell
+from sim_check.known_models import known_models
 
 FEW = 20  # frames of a recording whose point clouds are written unless it is said otherwise
 
@@ -90,8 +93,10 @@ class _Run:
         elif how.masks is not None:
             self._given = MasksByFrame(how.masks, self._stream.keys)
         self._names = how.names or (self._given.names if self._given else ())
-        embedded = perception_from_options(how.detector, how.segmenter, how.options)
+        known = {} if how.cell is None else known_models(load_cell(how.cell).furniture)
+        embedded = perception_from_options(how.detector, how.segmenter, how.options, known)
         self._perception = replace(embedded, instances=how.instances)
+        self._hinges_deg = {p.name: degrees(p.opened) for m in known.values() for p in m.parts if p.kind == "hinge"}
         self._source = self._perception_for(None)[0].name
         self._clouds = how.clouds
         if self._clouds is None:
@@ -177,7 +182,7 @@ class _Run:
         tracks = self._tracker.update(scene.objects)
         if item.truth is not None:
             self._scored = True
-            self._scores.add(scene, item.truth, detector.drawn, self._names, frame.camera)
+            self._scores.add(scene, item.truth, detector.drawn, self._names, frame.camera, hinges_deg=self._hinges_deg)
         stem = f"frame_{item.key}_{frame.camera}".replace("/", "_").replace(" ", "_")
         picture, drawn = how.out / f"{stem}.png", overlay(frame, scene)
         _write_picture(picture, drawn)

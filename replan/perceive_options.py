@@ -50,6 +50,7 @@ class Perceiving:
         out: Folder for what is written.
         detector, segmenter, options: As in `perception.pipeline.perception_from_options`.
         instances: How many things one name may be.
+        cell: Built-in cell or cell file whose furniture may be looked for by its known shape; None for none.
         boxes: File of boxes in the place of a detector, see `perception.given`.
         masks: Folder of masks in the place of a detector and a segmenter.
         clouds: Whether to write a point cloud of each frame; None for recordings of few frames only.
@@ -67,6 +68,7 @@ class Perceiving:
     segmenter: str = "default"
     options: PerceptionOptions = field(default_factory=PerceptionOptions)
     instances: int = 1
+    cell: str | None = None
     boxes: Path | None = None
     masks: Path | None = None
     clouds: bool | None = None

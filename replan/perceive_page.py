@@ -155,7 +155,7 @@ def _card(item: KeyedFrame, scene: SceneEstimate, tracks: Sequence[Track], drawn
         picture_file=picture.name,
         depth=jpeg_text(_fitted(depth)),
         depth_text=f"depth {near:.2f} m (light) to {far:.2f} m (dark); magenta: missing, {100 * (1 - known):.0f} %; "
-        f"things stand on z = {scene.support_height:.3f} m",
+        f"things stand on z = {scene.support_height + 0.0:z.3f} m",
         rows=tuple(
             _row(o, t, PALETTE[i % len(PALETTE)]) for i, (o, t) in enumerate(zip(scene.objects, tracks, strict=True))
         ),

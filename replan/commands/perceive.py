@@ -34,6 +34,8 @@ class Perceive:
     """Folder for everything that is written."""
     instances: int = 1
     """How many things one name may be; further ones are called red_cube_2, red_cube_3, ..."""
+    cell: str | None = None
+    """Built-in cell or a cell file whose furniture is looked for by its known shape, doors and all."""
     boxes: Path | None = None
     """Boxes drawn by hand instead of a detector: YAML or JSON, {boxes: {red_cube: [x0, y0, x1, y1]}} in pixels for
     every frame, {frames: {"000002": {red_cube: [...]}}} for one."""
@@ -64,6 +66,7 @@ class Perceive:
             segmenter=self.perception.segmenter,
             options=self.perception.options(),
             instances=self.instances,
+            cell=self.cell,
             boxes=self.boxes,
             masks=self.masks,
             clouds=self.clouds,
