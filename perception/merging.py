@@ -27,8 +27,10 @@ def turned_like(estimate: ObjectEstimate, yaw: float) -> ObjectEstimate:
     pose[:3, :3] = pose[:3, :3] @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     x, y, z = estimate.extents
     extents = np.array([y, x, z]) if quarters % 2 else estimate.extents
-    spread = estimate.position_std
-    return replace(estimate, world_T_object=pose, extents=extents, position_std=spread)
+    sizes = estimate.extents_std
+    if sizes is not None and quarters % 2:
+        sizes = sizes[[1, 0, 2]]
+    return replace(estimate, world_T_object=pose, extents=extents, extents_std=sizes)
 
 
 def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
@@ -50,6 +52,7 @@ def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
     position = (np.array([e.position for e in same]) * weight).sum(0) / weight.sum(0)
     total = weight.sum(1) / weight.sum()
     extents = (np.array([e.extents for e in same]) * total[:, None]).sum(0)
+    sizes = [e.extents_std for e in same if e.extents_std is not None]
     pose = np.eye(4)
     yaw_std = best.yaw_std
     if best.shape == "box":
@@ -67,5 +70,6 @@ def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
         yaw_std=yaw_std,
         score=max(e.score for e in same),
         stamp=max(e.stamp for e in same),
+        extents_std=np.min(sizes, axis=0) if sizes else None,
         evidence=tuple(item for e in same for item in e.evidence),
     )

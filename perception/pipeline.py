@@ -213,6 +213,7 @@ class Perception:
             score=float(np.clip(box.score, 0.0, 1.0)),
             stamp=frame.stamp,
             evidence=(evidence,),
+            extents_std=fitted.extents_std,
         )
 
 

@@ -10,7 +10,7 @@ from perception.cloud import StereoNoise, largest_cluster, world_points
 from perception.frames import RgbdFrame
 from perception.refine import Refined, observe, refine
 from perception.resting import LowerEnd, find_bottom, lower_end
-from perception.shape_choice import Kind, first_fit
+from perception.shape_choice import Kind, best_of, first_fits, lying
 from perception.solids import Solid
 from perception.support import SupportPlane
 
@@ -124,15 +124,24 @@ def fit_solid(
     bottom = find_bottom(cloud.points, cloud.end, table, others, cloud.depth_std, _around(frame, cloud))
     if inside:
         bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
-    first, lying = first_fit(cloud.points, shapes, bottom[0], cloud.depth_std)
-    if lying is not None:
-        return lying
-    # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
-    if first.shape == "sphere" and (inside or abs(first.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std):
-        bottom = (first.bottom, 1.0)
+    first = first_fits(cloud.points, shapes, bottom[0], cloud.depth_std)
     patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
-    seen = observe(frame, cloud.mask, cloud.points, cloud.depth_std, patches, first.top, bottom, covering, equal_sides)
-    return refine(first, seen)
+    refined: dict[Kind, Refined] = {}
+    for kind, solid in first.items():
+        if kind == "lying cylinder":
+            refined[kind] = lying(solid, cloud.depth_std)
+            continue
+        rests = bottom
+        # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
+        if kind == "sphere" and (inside or abs(solid.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std):
+            rests = (solid.bottom, 1.0)
+        seen = observe(
+            frame, cloud.mask, cloud.points, cloud.depth_std, patches, solid.top, rests, covering, equal_sides
+        )
+        refined[kind] = refine(solid, seen)
+    if len(refined) == 1:
+        return next(iter(refined.values()))
+    return refined[best_of(first, refined, cloud.points, cloud.depth_std)]
 
 
 def _around(frame: RgbdFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:

@@ -59,13 +59,15 @@ class Refined:
         solid: The solid.
         position_std: Of its centre along the world's axes in [m], shape (3,).
         yaw_std: Of its yaw in [rad]; infinite for round solids.
-        outline_rms: How far the outlines disagree in [px].
+        outline_rms: How far the outlines disagree in [px]; NaN where no outline was fitted.
+        extents_std: Of its sizes in [m], shape (3,); large for a side that is hidden or not seen.
     """
 
     solid: Solid
     position_std: np.ndarray
     yaw_std: float
     outline_rms: float
+    extents_std: np.ndarray
 
 
 def observe(
@@ -133,14 +135,21 @@ def _refine_box(solid: Solid, seen: Observation) -> Refined:
     best = _minimise(start, loose, corners, surface, seen, alike if seen.equal_sides else None)
     covariance = best.covariance
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[5, 5] + covariance[6, 6]) / 4])
+    sizes = np.array([covariance[3, 3], covariance[4, 4], covariance[5, 5] + covariance[6, 6]])
     for face in range(4):
         axis, sign = face % 2, 1.0 if face < 2 else -1.0
         way = np.array([np.cos(best.x[2]), np.sin(best.x[2])]) if axis == 0 else np.zeros(2)
         if axis == 1:
             way = np.array([-np.sin(best.x[2]), np.cos(best.x[2])])
-        variance[:2] += (way * _unseen_growth(best, sign * way, 3 + axis) / 2) ** 2
+        growth = _unseen_growth(best, sign * way, 3 + axis)
+        variance[:2] += (way * growth / 2) ** 2
+        sizes[axis] += growth**2
     yaw_std = float(np.sqrt(covariance[2, 2]))
-    return Refined(_nearest_turn(build(best.x)), _floor(variance), yaw_std, best.rms)
+    fitted = build(best.x)
+    turned = _nearest_turn(fitted)
+    if round((fitted.yaw - turned.yaw) / (np.pi / 2)) % 2:
+        sizes = sizes[[1, 0, 2]]
+    return Refined(turned, _floor(variance), yaw_std, best.rms, _floor(sizes))
 
 
 def _unseen_growth(best: "_Minimum", way: np.ndarray, size: int) -> float:
@@ -182,7 +191,8 @@ def _refine_sphere(solid: Solid, seen: Observation) -> Refined:
     best = _minimise(start, loose, rim, surface, seen, rests)
     x, covariance = best.x, best.covariance
     fitted = Solid("sphere", x[:3], 0.0, np.full(3, 2.0 * max(x[3], 0.003)))
-    return Refined(fitted, _floor(np.diag(covariance)[:3]), float("inf"), best.rms)
+    sizes = _floor(np.full(3, 4.0 * covariance[3, 3]))
+    return Refined(fitted, _floor(np.diag(covariance)[:3]), float("inf"), best.rms, sizes)
 
 
 def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
@@ -209,7 +219,8 @@ def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
     tall, wide = max(x[3] - x[4], 0.003), 2.0 * max(x[2], 0.003)
     fitted = Solid("cylinder", np.array([x[0], x[1], x[3] - tall / 2]), 0.0, np.array([wide, wide, tall]))
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[3, 3] + covariance[4, 4]) / 4])
-    return Refined(fitted, _floor(variance), float("inf"), best.rms)
+    sizes = np.array([4.0 * covariance[2, 2], 4.0 * covariance[2, 2], covariance[3, 3] + covariance[4, 4]])
+    return Refined(fitted, _floor(variance), float("inf"), best.rms, _floor(sizes))
 
 
 def _floor(variance: np.ndarray) -> np.ndarray:

@@ -2,13 +2,14 @@
 
 Solids of different freedom are compared by what their points leave over (Bayesian information criterion):
 
-    score = n log(mean min(d, 3 s)^2 + s^2) + k log(n)
+    score = n log(mean min(d, 3 s)^2 + f^2) + k log(n) + m log(o^2 + p^2)
 
-with the distances d of the points to the surface, the spread s of a point, the number n of points that err
-independently and the number k of the solid's free sizes and places. The lowest score wins.
+with the distances d of the points to the surface, the spread s of a point, what a first fit leaves f, the number n of
+points that err independently and the number k of the solid's free sizes and places. Depth blunts edges and the outline
+shows them: m pieces of it disagree with the solid's by o, where an edge is known to p. The lowest score wins.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -19,7 +20,9 @@ from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 
 Kind = Literal["box", "cylinder", "sphere", "lying cylinder"]
 FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5}
+EDGES, OUTLINE_PX = 15.0, 0.5  # pieces of outline that err independently, and how well an edge is known in [px]
 PATCHES = 40.0  # points that err independently are seldom more
+FIT_STD = 0.0015  # how far a first fit is off its own points in [m]
 LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's ends and axis in [m]
 
 
@@ -34,19 +37,14 @@ def kinds_of(look: Look) -> tuple[Kind, ...]:
     return (look.solid,)
 
 
-def first_fit(
-    points: np.ndarray, kinds: Sequence[Kind], bottom: float, depth_std: float
-) -> tuple[Solid, Refined | None]:
-    """The solid that the points lie on best.
+def first_fits(points: np.ndarray, kinds: Sequence[Kind], bottom: float, depth_std: float) -> dict[Kind, Solid]:
+    """First fits of every kind of solid that a thing may be.
 
     Args:
         points: In the world in [m], shape (n, 3).
         kinds: What it may be; at least one.
         bottom: Height of the supporting surface in [m].
         depth_std: Spread of one point in [m].
-
-    Returns:
-        The solid; and, if it is a lying cylinder, its final fit: a box of its length and diameter along its axis.
     """
     fits: dict[Kind, Solid] = {}
     for kind in kinds:
@@ -58,19 +56,43 @@ def first_fit(
             fits[kind] = fit_lying_cylinder(points, bottom)
         else:
             fits[kind] = fit_box(points, bottom, depth_std)
-    best = kinds[0] if len(kinds) == 1 else min(kinds, key=lambda k: _score(k, fits[k], points, depth_std))
-    solid = fits[best]
-    if best != "lying cylinder":
-        return solid, None
+    return fits
+
+
+def lying(solid: Solid, depth_std: float) -> Refined:
+    """A lying cylinder as it is reported: the box of its length and diameter, with its spread."""
     spread = np.full(3, LYING_STD + depth_std / 3.0)
-    return solid, Refined(solid, spread, float(np.arctan2(2.0 * LYING_STD, solid.extents[0])), 0.0)
+    yaw_std = float(np.arctan2(2.0 * LYING_STD, solid.extents[0]))
+    return Refined(solid, spread, yaw_std, float("nan"), 2.0 * spread)
+
+
+def best_of(first: Mapping[Kind, Solid], refined: Mapping[Kind, Refined], points: np.ndarray, depth_std: float) -> Kind:
+    """The kind that points and outline speak for.
+
+    Args:
+        first: First fits, which hold to the points alone.
+        refined: The same after refinement, which know how far their outlines disagree.
+        points: In the world in [m], shape (n, 3).
+        depth_std: Spread of one point in [m].
+    """
+    # A lying cylinder's outline is not fitted: it counts as well as the best of the others, and points decide.
+    off = {kind: fit.outline_rms for kind, fit in refined.items()}
+    least = min((rms for rms in off.values() if np.isfinite(rms)), default=0.0)
+    scores: dict[Kind, float] = {
+        kind: _score(kind, solid, points, depth_std)
+        + EDGES * float(np.log((off[kind] if np.isfinite(off[kind]) else least) ** 2 + OUTLINE_PX**2))
+        for kind, solid in first.items()
+        # What is shorter than wide does not stay on its edge.
+        if kind != "lying cylinder" or len(first) == 1 or solid.extents[0] > 0.8 * solid.extents[1]
+    }
+    return min(scores, key=lambda kind: scores[kind])
 
 
 def _score(kind: Kind, solid: Solid, points: np.ndarray, depth_std: float) -> float:
-    s = float(np.hypot(depth_std, 0.0015))
+    s = float(np.hypot(depth_std, FIT_STD))
     off = np.minimum(np.abs(surface_distance(kind, solid, points)), 3.0 * s)
     n = min(float(len(points)), PATCHES)
-    return n * float(np.log(np.mean(off**2) + s**2)) + FREEDOM[kind] * float(np.log(n))
+    return n * float(np.log(np.mean(off**2) + FIT_STD**2)) + FREEDOM[kind] * float(np.log(n))
 
 
 def surface_distance(kind: Kind, solid: Solid, points: np.ndarray) -> np.ndarray:

@@ -12,8 +12,9 @@ from perception.estimates import ObjectEstimate
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.levelling import camera_above_plane
 from perception.merging import merge, turned_like
-from perception.refine import outline_distance, sphere_rim
+from perception.refine import Refined, outline_distance, sphere_rim
 from perception.resting import LowerEnd, find_bottom, levels
+from perception.shape_choice import Kind, best_of, first_fits, lying
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.support import SupportPlane, estimate_support
 from tests.perception_scenes import look_at
@@ -254,3 +255,20 @@ def test_a_quarter_turn_apart_is_the_same_box_with_swapped_sides():
 def test_yaws_on_both_sides_of_a_quarter_turn_are_averaged_the_short_way():
     both = merge([estimate(0.5, yaw=np.radians(1)), estimate(0.5, yaw=np.radians(89))])
     assert (np.degrees(both.yaw) + 45) % 90 - 45 == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_can_on_its_side_is_told_from_a_box_and_from_an_upright_can():
+    rng = np.random.default_rng(2)
+    # The upper 200 degrees of a can of 68 mm and 102 mm that lies along 30 degrees.
+    turn, along = rng.uniform(np.radians(-10), np.radians(190), 3000), rng.uniform(-0.051, 0.051, 3000)
+    across, height = 0.034 * np.cos(turn), 0.034 + 0.034 * np.sin(turn)
+    c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
+    points = np.stack([0.5 + c * along - s * across, 0.1 + s * along + c * across, height], -1)
+    points += rng.normal(0, 0.001, points.shape)
+    fits = first_fits(points, ("cylinder", "lying cylinder", "box"), 0.0, 0.001)
+    alike: dict[Kind, Refined] = {kind: lying(fit, 0.001) for kind, fit in fits.items()}  # no word of the outline
+    assert best_of(fits, alike, points, 0.001) == "lying cylinder"
+    solid = fits["lying cylinder"]
+    assert solid.extents == pytest.approx((0.102, 0.068, 0.068), abs=0.003)
+    assert np.degrees(solid.yaw) == pytest.approx(30, abs=1.5)
+    assert solid.centre == pytest.approx((0.5, 0.1, 0.034), abs=0.002)

@@ -121,6 +121,29 @@ def test_a_half_hidden_block_has_a_larger_spread_that_covers_its_error():
     assert np.all(off < 3 * half_hidden.position_std)
 
 
+def test_a_side_that_something_hides_has_a_larger_spread_and_covers_the_true_size():
+    target = cube(RED, 0.5, 0.0, yaw=0.0)
+    half_hidden, free = (seen(look(things, "red_block"), "red_block") for things in ([HIDING_WALL, target], [target]))
+    assert half_hidden.extents_std is not None and free.extents_std is not None
+    assert half_hidden.extents_std.max() > 3 * free.extents_std.max()
+    assert np.all(np.abs(half_hidden.extents - 0.06) < 3 * half_hidden.extents_std)
+
+
+@pytest.mark.parametrize(
+    "thing, shape",
+    [
+        (cube(RED, 0.5, 0.0), "box"),
+        (Thing("sphere", (0.035, 0.035, 0.035), (0.5, 0.0, 0.035), RED), "sphere"),
+        (Thing("cylinder", (0.033, 0.033, 0.05), (0.5, 0.0, 0.05), RED), "cylinder"),
+    ],
+)
+def test_a_thing_of_an_unknown_noun_gets_the_solid_that_its_points_lie_on(thing, shape):
+    found = seen(look([thing], "red_thing"), "red_thing")
+    assert found.shape == shape
+    assert found.extents == pytest.approx(2 * np.array(thing.half), abs=0.008)
+    assert np.isfinite(found.yaw_std) == (shape == "box")
+
+
 def test_a_half_hidden_cube_is_known_to_be_as_wide_as_high():
     half_hidden = seen(look([HIDING_WALL, cube(RED, 0.5, 0.0)], "red_cube"), "red_cube")
     assert half_hidden.position == pytest.approx((0.5, 0.0, 0.03), abs=0.006)
