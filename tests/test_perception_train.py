@@ -92,7 +92,7 @@ def test_dense_boxes_get_gradients():
 
 
 def test_the_plateau_of_the_learning_rate_does_not_depend_on_the_plan():
-    assert rate(1000, 5000) == rate(1000, 50_000) == 1.0
+    assert rate(1000, 5000) == rate(1000, 50_000) == 1.0 > rate(3000, 5000)
     assert rate(0, 5000) < 0.05 and rate(4999, 5000) == pytest.approx(0.02)
 
 

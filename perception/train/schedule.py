@@ -6,7 +6,7 @@ from typing import Any
 from perception.devices import load_package
 
 
-def rate(step: int, total: int, warm_up: int = 300, cool_down: float = 0.3, least: float = 0.02) -> float:
+def rate(step: int, total: int, warm_up: int = 300, cool_down: float = 0.5, least: float = 0.02) -> float:
     """Share of the full learning rate at a step: a rise, a plateau, and a straight fall over the last part.
 
     The plateau does not depend on the total, so a training may be cut short or made longer after the fact.
