@@ -1,15 +1,17 @@
 """Held-out pictures of random cells with their truth: what detectors and poses are measured on, never trained on."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth
+from perception.known_models import KnownModel
 from sim_check.depth_noise import stereo_depth
 from sim_check.furniture_model import FurnitureModel
-from sim_check.random_scenes import LabelledPicture, RandomScenes, SceneOptions, truth_of
+from sim_check.known_models import known_model
+from sim_check.random_scenes import LabelledPicture, RandomScenes, SceneOptions, name_in, truth_of
 from sim_check.simulation_config import DepthNoiseConfig
 
 FIRST_SEED = 10_000_000  # training takes seeds below 1 000 000
@@ -29,6 +31,7 @@ class HeldOutFrame:
         names: What to look for: all that is clearly there, and some that is not.
         group: The camera's distance, for people.
         hinges_deg: By joint, how far its hinges turn from closed to open in [degrees].
+        known: The shape of furniture that clearly shows, by name; where it stands and how open it is remains unknown.
     """
 
     frame: RgbdFrame
@@ -36,6 +39,7 @@ class HeldOutFrame:
     names: tuple[str, ...]
     group: str
     hinges_deg: Mapping[str, float]
+    known: Mapping[str, KnownModel]
 
 
 def held_out_frames(
@@ -81,4 +85,10 @@ def _frame(
         for part in s.thing.model.parts
         if part.kind == "hinge"
     }
-    return HeldOutFrame(frame, truth, tuple(str(n) for n in names), group, hinges)
+    things = [s.thing for s in picture.seen]
+    known = {
+        name: replace(known_model(s.thing.model), name=name)
+        for s in picture.seen
+        if s.clear and isinstance(s.thing.model, FurnitureModel) and (name := name_in(s.thing, things))
+    }
+    return HeldOutFrame(frame, truth, tuple(str(n) for n in names), group, hinges, known)

@@ -8,6 +8,7 @@ All things that clearly show are asked for, and three that are not there. Rows:
     bundled                    the project's own weights for both
     given boxes                the true boxes, and the default segmenter: what is lost to segmenter and geometry
     given masks                the true masks: what is lost to geometry alone
+    known furniture            furniture of known shape, found by its shape without a detector: place, turn and doors
 
     python -m benchmarks.perception --frames 300
     python -m benchmarks.perception --detectors default "given masks" --frames 60 --json
@@ -43,8 +44,8 @@ from perception.pipeline import STAGES, Perception, perception_from_options
 from perception.scoring import Scores
 
 LOWEST_SCORE = 0.05  # of boxes that AP50 counts
-GIVEN_BOXES, GIVEN_MASKS = "given boxes", "given masks"
-ROWS = ("default", "colour+grabcut", "bundled", GIVEN_BOXES, GIVEN_MASKS)
+GIVEN_BOXES, GIVEN_MASKS, KNOWN = "given boxes", "given masks", "known furniture"
+ROWS = ("default", "colour+grabcut", "bundled", GIVEN_BOXES, GIVEN_MASKS, KNOWN)
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class Looker:
     def __init__(self, row: str) -> None:
         self.row = row
         parts = {"default": ("default", "default"), "bundled": ("bundled", "bundled")}.get(row)
-        if row in (GIVEN_BOXES, GIVEN_MASKS):
+        if row in (GIVEN_BOXES, GIVEN_MASKS, KNOWN):
             parts = ("default", "default")
         elif parts is None:
             detector, plus, segmenter = row.partition("+")
@@ -115,7 +116,11 @@ class Looker:
         self.threshold = operating_threshold(usual.detector)
         self._perception = perception_from_options(*parts, PerceptionOptions(threshold=LOWEST_SCORE))
         # Two rows of one name are the same: it says which detector and which segmenter.
-        given = {GIVEN_BOXES: f"true boxes + {usual.segmenter.name}", GIVEN_MASKS: "true masks"}
+        given = {
+            GIVEN_BOXES: f"true boxes + {usual.segmenter.name}",
+            GIVEN_MASKS: "true masks",
+            KNOWN: "known shapes in depth",
+        }
         self.name = given.get(row, usual.name)
 
     def load(self) -> None:
@@ -132,15 +137,16 @@ class Looker:
 
     def look(self, item: HeldOutFrame, measured: Measured) -> None:
         """Look at one frame and add what came of it."""
+        names = tuple(item.known) if self.row == KNOWN else item.names
+        if not names:
+            return
         perception, overheard = self._for(item)
         started = time.perf_counter()
-        scene = perception.perceive([item.frame], item.names)
+        scene = perception.perceive([item.frame], names)
         measured.seconds["total"].append(time.perf_counter() - started)
         for stage in STAGES:
             measured.seconds[stage].append(scene.seconds[stage])
-        measured.scores.add(
-            scene, item.truth, overheard.drawn, item.names, item.frame.camera, item.group, item.hinges_deg
-        )
+        measured.scores.add(scene, item.truth, overheard.drawn, names, item.frame.camera, item.group, item.hinges_deg)
 
     def _for(self, item: HeldOutFrame) -> tuple[Perception, OverheardDetector]:
         detector, segmenter = self._perception.detector, self._perception.segmenter
@@ -149,7 +155,8 @@ class Looker:
         elif self.row == GIVEN_MASKS:
             detector = segmenter = GivenMasks({o.name: o.mask for o in item.truth.objects if o.mask is not None})
         overheard = OverheardDetector(KnownPhrases(detector), self.threshold)
-        return replace(self._perception, detector=overheard, segmenter=segmenter), overheard
+        known = item.known if self.row == KNOWN else {}
+        return replace(self._perception, detector=overheard, segmenter=segmenter, known=known), overheard
 
 
 def operating_threshold(detector: Detector) -> float:

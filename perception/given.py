@@ -29,7 +29,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from perception.errors import FrameError
 from perception.frames import RgbdFrame
@@ -40,7 +40,8 @@ NAME = r"[a-z][a-z0-9_]*"
 LABELS = "labels"
 
 Corners = tuple[float, float, float, float]
-Name = Annotated[str, Field(pattern=f"^{NAME}$")]
+# "sugar box" is as good as sugar_box, as on the command line.
+Name = Annotated[str, BeforeValidator(lambda n: n.strip().lower().replace(" ", "_")), Field(pattern=f"^{NAME}$")]
 
 
 class BoxFile(BaseModel):

@@ -70,7 +70,7 @@ class Scores:
         self,
         scene: SceneEstimate,
         truth: FrameTruth,
-        boxes: Sequence[Detection],
+        boxes: Sequence[Detection] | None,
         names: Sequence[str],
         camera: str,
         group: str = "",
@@ -81,7 +81,7 @@ class Scores:
         Args:
             scene: What was perceived in it.
             truth: What truly was.
-            boxes: All boxes that the detector drew for it, also those below the threshold.
+            boxes: All boxes that the detector drew for it, also those below the threshold; None if none was asked.
             names: What was looked for; a name counts only where the truth knows that it is there or is not.
             camera: Which camera's boxes and masks the truth is about.
             group: Label under which its errors are listed as well, for instance the camera's distance.
@@ -93,7 +93,8 @@ class Scores:
             if not there and name not in truth.absent:
                 continue
             self._objects += len(there)
-            self._ask(name, there, boxes)
+            if boxes is not None:
+                self._ask(name, there, boxes)
             estimates = [o for o in scene.objects if o.phrase.replace(" ", "_") == name]
             for estimate, thing in _pairs(estimates, there):
                 self._seen.append(_score(estimate, thing, camera, group, hinges_deg))
