@@ -14,6 +14,9 @@ All things that clearly show are asked for, and three that are not there. Rows:
     python -m benchmarks.perception --detectors default "given masks" --frames 60 --json
     python -m benchmarks.perception --full-size
 
+Furniture is asked for like everything else, but its pose counts in the row "known furniture" only: nobody can tell the
+size of a cabinet, or which way its doors turn, from one side of it.
+
 The measures stand in `perception.metrics` and `perception.scoring`. AP50 takes boxes down to a score of 0.05,
 everything else those from the detector's own threshold on. A phrase that a detector refuses counts as not found.
 """

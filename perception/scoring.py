@@ -1,6 +1,6 @@
 """Scores of many frames against what truly was in them: what a recording or a benchmark adds up to."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -75,6 +75,7 @@ class Scores:
         camera: str,
         group: str = "",
         hinges_deg: Mapping[str, float] = NO_JOINTS,
+        boxes_only: Collection[str] = (),
     ) -> None:
         """Score one frame.
 
@@ -86,15 +87,19 @@ class Scores:
             camera: Which camera's boxes and masks the truth is about.
             group: Label under which its errors are listed as well, for instance the camera's distance.
             hinges_deg: By joint name, how far a hinge turns from closed to open in [degrees].
+            boxes_only: Names whose poses are not judged, only the boxes drawn for them.
         """
         self._frames += 1
         for name in dict.fromkeys(names):
             there = [t for t in truth.objects if t.name == name]
             if not there and name not in truth.absent:
                 continue
-            self._objects += len(there)
+            if name not in boxes_only:
+                self._objects += len(there)
             if boxes is not None:
                 self._ask(name, there, boxes)
+            if name in boxes_only:
+                continue
             estimates = [o for o in scene.objects if o.phrase.replace(" ", "_") == name]
             for estimate, thing in _pairs(estimates, there):
                 self._seen.append(_score(estimate, thing, camera, group, hinges_deg))
