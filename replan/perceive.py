@@ -217,7 +217,9 @@ class _Run:
     def _notes(self) -> tuple[str, ...]:
         notes = list(self._stream.recording.notes)
         if not self._clouds and self._how.clouds is None:
-            notes.append(f"no point clouds were written, as there are more than {FEW} frames; --clouds writes them")
+            known = self._stream.total is not None
+            why = f"there are more than {FEW} frames" if known else "such a recording may be of any length"
+            notes.append(f"no point clouds were written, as {why}; --clouds writes them")
         if self._given is not None and self._stream.keys is None:
             notes.append("frames are numbered as they were read, from 0; boxes and masks go by these numbers")
         return tuple(notes)
