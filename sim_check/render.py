@@ -1,7 +1,8 @@
 """Offscreen pictures of MuJoCo models: colour and metric depth, on a machine with or without a screen."""
 
+import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal
@@ -118,18 +119,8 @@ class Offscreen:
         Returns:
             float32, shape (height, width), NaN where there is nothing up to the far plane.
         """
-        if self._sharp is None:
-            self._context.make_current()
-            self._sharp = self._buffers(0)
-        flat = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
-        self._scene.flags[flat] = 1
-        try:
-            rect = self._draw(self._sharp, data, view, width, height)
-            buffer = np.empty((height, width), np.float32)
-            mujoco.mjr_readPixels(None, buffer, rect, self._sharp)
-        finally:
-            self._scene.flags[flat] = 0
-        return self._metres(np.flipud(buffer))
+        with self._flat(data, view, width, height) as (_, sharp, rect):
+            return self._depth(sharp, rect)
 
     def bodies(
         self, data: mujoco.MjData, view: str | FreeView, width: int, height: int, roots: Sequence[int]
@@ -143,28 +134,20 @@ class Offscreen:
             Labels, uint16, shape (height, width): 1 + index into `roots`, 0 for everything else. And for each root how
             many pixels it would have with nothing in front of it, shape (len(roots),).
         """
-        if self._sharp is None:
-            self._context.make_current()
-            self._sharp = self._buffers(0)
-        flat = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
-        self._scene.flags[flat] = 1
-        try:
-            rect = self._draw(self._sharp, data, view, width, height)
-            label_of = np.zeros(self._scene.ngeom + 1, np.uint16)
-            for geom in self._scene.geoms[: self._scene.ngeom]:
+        with self._flat(data, view, width, height) as (scene, sharp, rect):
+            label_of = np.zeros(scene.ngeom + 1, np.uint16)
+            for geom in scene.geoms[: scene.ngeom]:
                 if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
                     root = self._model.body_rootid[self._model.geom_bodyid[geom.objid]]
                     label_of[geom.segid + 1] = roots.index(root) + 1 if root in roots else 0
-            labels = label_of[self._ids(rect)]
-            numbers = np.array([g.segid for g in self._scene.geoms[: self._scene.ngeom]])
+            labels = label_of[_numbers(sharp, rect)]
+            numbers = np.array([g.segid for g in scene.geoms[: scene.ngeom]])
             alone = np.zeros(len(roots), int)
             for k in range(len(roots)):
-                for geom, number in zip(self._scene.geoms[: self._scene.ngeom], numbers, strict=True):
+                for geom, number in zip(scene.geoms[: scene.ngeom], numbers, strict=True):
                     geom.segid = number if label_of[number + 1] == k + 1 else -1  # what has no number is not drawn
-                mujoco.mjr_render(rect, self._scene, self._sharp)
-                alone[k] = np.count_nonzero(label_of[self._ids(rect)] == k + 1)
-        finally:
-            self._scene.flags[flat] = 0
+                mujoco.mjr_render(rect, scene, sharp)
+                alone[k] = np.count_nonzero(label_of[_numbers(sharp, rect)] == k + 1)
         return labels, alone
 
     def depth_and_geoms(
@@ -175,34 +158,38 @@ class Offscreen:
         Returns:
             Depth in [m], float32, and ids of the model's geoms, int32, -1 where there is none; (height, width) each.
         """
-        if self._sharp is None:
-            self._context.make_current()
-            self._sharp = self._buffers(0)
-        flat = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
-        self._scene.flags[flat] = 1
-        try:
-            rect = self._draw(self._sharp, data, view, width, height)
-            buffer = np.empty((height, width), np.float32)
-            mujoco.mjr_readPixels(None, buffer, rect, self._sharp)
-            numbers = self._ids(rect)
-        finally:
-            self._scene.flags[flat] = 0
-        geom_of = np.full(self._scene.ngeom + 1, -1, np.int32)
-        for drawn in self._scene.geoms[: self._scene.ngeom]:
-            if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM and drawn.segid >= 0:
-                geom_of[drawn.segid + 1] = drawn.objid
-        return self._metres(np.flipud(buffer)), geom_of[numbers]
+        with self._flat(data, view, width, height) as (scene, sharp, rect):
+            geom_of = np.full(scene.ngeom + 1, -1, np.int32)
+            for drawn in scene.geoms[: scene.ngeom]:
+                if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM and drawn.segid >= 0:
+                    geom_of[drawn.segid + 1] = drawn.objid
+            return self._depth(sharp, rect), geom_of[_numbers(sharp, rect)]
 
     def upload_texture(self, texture: int) -> None:
         """Show a texture of the model as it is now, after its data were rewritten."""
         self._context.make_current()
         mujoco.mjr_uploadTexture(self._model, self._smooth, texture)
 
-    def _ids(self, rect: mujoco.MjrRect) -> np.ndarray:
-        """Numbers that the pixels' colours say, plus 1; 0 is background; shape (height, width)."""
-        picture = np.empty((rect.height, rect.width, 3), np.uint8)
-        mujoco.mjr_readPixels(picture, None, rect, self._sharp)
-        return np.flipud(picture).astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
+    @contextlib.contextmanager
+    def _flat(
+        self, data: mujoco.MjData, view: str | FreeView, width: int, height: int
+    ) -> Iterator[tuple[mujoco.MjvScene, mujoco.MjrContext, mujoco.MjrRect]]:
+        """A view drawn without light and smoothing, everything painted in the colour of its number."""
+        if self._sharp is None:
+            self._context.make_current()
+            self._sharp = self._buffers(0)
+        flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flags] = 1
+        try:
+            yield self._scene, self._sharp, self._draw(self._sharp, data, view, width, height)
+        finally:
+            self._scene.flags[flags] = 0
+
+    def _depth(self, buffers: mujoco.MjrContext, rect: mujoco.MjrRect) -> np.ndarray:
+        """Depth in [m] of what was drawn, shape (height, width)."""
+        buffer = np.empty((rect.height, rect.width), np.float32)
+        mujoco.mjr_readPixels(None, buffer, rect, buffers)
+        return self._metres(np.flipud(buffer))
 
     def _buffers(self, samples: int) -> mujoco.MjrContext:
         """Offscreen buffers with this many samples a pixel, which MuJoCo reads from the model."""
@@ -246,6 +233,13 @@ class Offscreen:
         near, far = self._model.vis.map.znear * extent, self._model.vis.map.zfar * extent
         depth = far * near / (near + buffer.astype(np.float64) * (far - near))
         return np.where(buffer <= 0.0, np.nan, depth).astype(np.float32)
+
+
+def _numbers(buffers: mujoco.MjrContext, rect: mujoco.MjrRect) -> np.ndarray:
+    """Numbers that the pixels' colours say, plus 1; 0 is background; shape (height, width)."""
+    picture = np.empty((rect.height, rect.width, 3), np.uint8)
+    mujoco.mjr_readPixels(picture, None, rect, buffers)
+    return np.flipud(picture).astype(np.int64) @ np.array([1, 1 << 8, 1 << 16])
 
 
 def available_backend() -> str:

@@ -1,7 +1,6 @@
 """Training of the bundled detector."""
 
 import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,11 +10,10 @@ import numpy as np
 
 from perception.devices import load_package
 from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
-from perception.train.checkpoints import load_checkpoint, save_checkpoint
+from perception.train.loop import LoopSettings, run_training
 from perception.train.losses import cell_owners, dense_loss, matched_loss
 from perception.train.networks import detector_processor, new_detector
 from perception.train.questions import ask
-from perception.train.schedule import MeanWeights, rate
 from perception.train.shards import Sample, Shards, cropped, tinted
 from perception.train.vocabulary import known_words, make_tokenizer
 
@@ -276,40 +274,20 @@ def train_detector(
     loss_of = DetectorLoss(model, len(words.kinds), len(words.colours))
     weights = [*(p for p in model.parameters() if p.requires_grad), *loss_of.head.parameters()]
     optimiser = torch.optim.AdamW(weights, lr=settings.learning_rate, weight_decay=1e-4, betas=(0.9, 0.98))
-    mean = MeanWeights(model)
-    parts = {"model": model, "mean": mean.model, "head": loss_of.head, "optimiser": optimiser}
-    checkpoint = folder / "detector.pt"
-    step, spent = load_checkpoint(checkpoint, parts)
-    say(f"{sum(p.numel() for p in model.parameters()) / 1e6:.2f} M parameters, {len(shards)} pictures, step {step}")
-    quicken(model)
-    model.train()
-    started, shown = time.monotonic(), {}
-    try:
-        while step < settings.steps:
-            # A generator of its own for each step, so that a training that was interrupted goes on alike.
-            rng = np.random.default_rng((settings.seed, step))
-            share = rate(step, settings.steps)
-            for group in optimiser.param_groups:
-                group["lr"] = settings.learning_rate * share
-            loss, shares = loss_of(draw_batch(shards, tokenizer, settings.batch, rng), settings.half)
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(weights, 1.0)
-            optimiser.step()
-            mean.update(model, step)
-            step += 1
-            shown = {k: 0.98 * shown.get(k, v) + 0.02 * v for k, v in shares.items()}
-            if step % 50 == 0:
-                text = " ".join(f"{k} {v:.3f}" for k, v in shown.items())
-                pace = (time.monotonic() - started) / 60.0
-                say(f"step {step} of {settings.steps}, {spent / 60 + pace:.1f} min, {text}")
-            if step % settings.save_every == 0:
-                save_checkpoint(checkpoint, parts, step, spent + time.monotonic() - started)
-                shards.add(paths())
-    finally:
-        save_checkpoint(checkpoint, parts, step, spent + time.monotonic() - started)
+    trained = run_training(
+        folder / "detector.pt",
+        model,
+        weights,
+        optimiser,
+        {"head": loss_of.head},
+        lambda rng: loss_of(draw_batch(shards, tokenizer, settings.batch, rng), settings.half),
+        lambda: shards.add(paths()),
+        LoopSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
+        say,
+        quicken,
+    )
     out = folder / "detector"
-    save_detector(mean.model, tokenizer, out)
+    save_detector(trained, tokenizer, out)
     return out
 
 

@@ -1,6 +1,5 @@
 """Training of the bundled segmenter: masks of things in crops around loose boxes."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,8 @@ import numpy as np
 from perception.crop_segmenter import Window, box_in_crop, crop_picture, square_window
 from perception.devices import load_package
 from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
-from perception.train.checkpoints import load_checkpoint, save_checkpoint
+from perception.train.loop import LoopSettings, run_training
 from perception.train.networks import SAM_SIDE, new_segmenter
-from perception.train.schedule import MeanWeights, rate
 from perception.train.shards import Sample, Shards, tinted
 
 CROP_FACTOR = 1.4  # side of the crop over the longer side of the box
@@ -143,36 +141,24 @@ def train_segmenter(
     shards = Shards(paths())
     model = new_segmenter()
     optimiser = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=1e-3)
-    mean = MeanWeights(model)
-    parts = {"model": model, "mean": mean.model, "optimiser": optimiser}
-    checkpoint = folder / "segmenter.pt"
-    step, spent = load_checkpoint(checkpoint, parts)
-    say(f"{sum(p.numel() for p in model.parameters()) / 1e6:.2f} M parameters, {len(shards)} pictures, step {step}")
-    model.train()
-    started, shown = time.monotonic(), None
-    try:
-        while step < settings.steps:
-            rng = np.random.default_rng((settings.seed, 1, step))
-            for group in optimiser.param_groups:
-                group["lr"] = settings.learning_rate * rate(step, settings.steps)
-            loss, iou = mask_loss(model, *draw_crops(shards, settings.batch, rng), settings.half)
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-            optimiser.step()
-            mean.update(model, step)
-            step += 1
-            shown = iou if shown is None else 0.98 * shown + 0.02 * iou
-            if step % 50 == 0:
-                pace = (time.monotonic() - started) / 60.0
-                say(f"step {step} of {settings.steps}, {spent / 60 + pace:.1f} min, IoU of crops {shown:.3f}")
-            if step % settings.save_every == 0:
-                save_checkpoint(checkpoint, parts, step, spent + time.monotonic() - started)
-                shards.add(paths())
-    finally:
-        save_checkpoint(checkpoint, parts, step, spent + time.monotonic() - started)
+
+    def loss_of(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+        loss, iou = mask_loss(model, *draw_crops(shards, settings.batch, rng), settings.half)
+        return loss, {"IoU of crops": iou}
+
+    trained = run_training(
+        folder / "segmenter.pt",
+        model,
+        model.parameters(),
+        optimiser,
+        {},
+        loss_of,
+        lambda: shards.add(paths()),
+        LoopSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
+        say,
+    )
     out = folder / "segmenter"
-    save_segmenter(mean.model, out)
+    save_segmenter(trained, out)
     return out
 
 
