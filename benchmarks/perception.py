@@ -157,7 +157,7 @@ class Looker:
             detector = GivenBoxes({o.name: o.box_px[None] for o in item.truth.objects if o.box_px is not None})
         elif self.row == GIVEN_MASKS:
             detector = segmenter = GivenMasks({o.name: o.mask for o in item.truth.objects if o.mask is not None})
-        overheard = OverheardDetector(KnownPhrases(detector), self.threshold)
+        overheard = OverheardDetector(KnownPhrases(detector), self.threshold, self._perception.options)
         known = item.known if self.row == KNOWN else {}
         return replace(self._perception, detector=overheard, segmenter=segmenter, known=known), overheard
 

@@ -113,7 +113,7 @@ class _Run:
             detector = self._given.of(key or "")
         elif isinstance(self._given, MasksByFrame):
             detector = segmenter = self._given.of(key or "")
-        overheard = OverheardDetector(detector)
+        overheard = OverheardDetector(detector, options=self._perception.options)
         return replace(self._perception, detector=overheard, segmenter=segmenter), overheard
 
     def report(self) -> PerceiveReport:
