@@ -7,7 +7,7 @@ sends only when it was started for scoring. Nothing of it reaches the run that i
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -107,14 +107,21 @@ class GoalScore:
 
 @dataclass(frozen=True)
 class BenchReport:
-    """All goals."""
+    """All goals, and what was seen with."""
 
     goals: dict[str, GoalScore]
     speed: float
+    detector: str = "default"
+    segmenter: str = "default"
 
     def as_json(self) -> dict[str, Any]:
         """As one JSON object."""
-        return {"speed": self.speed, "goals": {name: score.as_json() for name, score in self.goals.items()}}
+        seen_with = {"detector": self.detector, "segmenter": self.segmenter}
+        return {
+            "speed": self.speed,
+            **seen_with,
+            "goals": {name: score.as_json() for name, score in self.goals.items()},
+        }
 
     def as_text(self) -> str:
         """As a table."""
@@ -131,7 +138,13 @@ class BenchReport:
 
 
 def bench_goals(
-    runs: int, names: tuple[str, ...], speed: float, runs_dir: Path, say: Callable[[str], None]
+    runs: int,
+    names: tuple[str, ...],
+    speed: float,
+    runs_dir: Path,
+    say: Callable[[str], None],
+    detector: str = "default",
+    segmenter: str = "default",
 ) -> BenchReport:
     """Run the goals with seeds 0 .. runs - 1.
 
@@ -141,6 +154,7 @@ def bench_goals(
         speed: Pace of the simulated cells in times real time; 0 as fast as they go.
         runs_dir: Where the runs' folders go.
         say: Progress.
+        detector, segmenter: As in `perception.pipeline.perception_from_options`.
 
     Raises:
         ConfigError: An unknown goal.
@@ -151,10 +165,13 @@ def bench_goals(
     scores = {name: GoalScore() for name in names or GOALS}
     for name, score in scores.items():
         for seed in range(runs):
-            _run_once(GOALS[name], seed, speed, runs_dir, score)
+            goal = GOALS[name]
+            options = RunOptions(goal.goal, goal.cell, goal.options, seed=seed, speed=speed, runs_dir=runs_dir)
+            options = replace(options, video=False, score=True, detector=detector, segmenter=segmenter)
+            _run_once(goal, options, score)
             word = "ok" if score.success[-1] else f"FAILED ({score.reasons[-1]})"
             say(f"{name} seed {seed}: {word}, {score.wall_s[-1]:.1f} s, {score.steps[-1]} steps")
-    return BenchReport(scores, speed)
+    return BenchReport(scores, speed, detector, segmenter)
 
 
 def _limit_checks(folder: Path, cell: str) -> list[int]:
@@ -176,14 +193,12 @@ def _limit_checks(folder: Path, cell: str) -> list[int]:
     return broken
 
 
-def _run_once(goal: BenchGoal, seed: int, speed: float, runs_dir: Path, score: GoalScore) -> None:
+def _run_once(goal: BenchGoal, options: RunOptions, score: GoalScore) -> None:
     truth: dict[str, Poses] = {}
     started = time.monotonic()
     try:
         report = run_goal(
-            RunOptions(
-                goal.goal, goal.cell, goal.options, seed=seed, speed=speed, runs_dir=runs_dir, video=False, score=True
-            ),
+            options,
             say=lambda _text: None,
             on_client=lambda when, client: truth.update({when: client.truth()}),
         )

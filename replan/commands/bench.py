@@ -26,6 +26,10 @@ class BenchGoals:
     """Pace of the simulated cells in times real time; 0 is as fast as they go."""
     runs_dir: Path = Path("runs/bench")
     """Where run folders are made."""
+    detector: str = "default"
+    """As in `replan run`."""
+    segmenter: str = "default"
+    """As in `replan run`."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
@@ -33,7 +37,9 @@ class BenchGoals:
         """Run the benchmark."""
         from replan.bench_goals import bench_goals
 
-        report = bench_goals(self.runs, self.goals, self.speed, self.runs_dir, console.note)
+        report = bench_goals(
+            self.runs, self.goals, self.speed, self.runs_dir, console.note, self.detector, self.segmenter
+        )
         console.result(report.as_json(), report.as_text())
         return 0
 
