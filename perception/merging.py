@@ -15,8 +15,11 @@ def agree(a: ObjectEstimate, b: ObjectEstimate, gate: float = 0.03) -> bool:
 
 
 def turned_like(estimate: ObjectEstimate, yaw: float) -> ObjectEstimate:
-    """The same upright box with the yaw nearest to `yaw` [rad] among its four quarter turns, sides swapped to fit."""
-    if estimate.shape != "box":
+    """The same thing with the yaw nearest to `yaw` [rad] among its four quarter turns, sides swapped to fit.
+
+    A thing whose yaw has no meaning comes back as it is.
+    """
+    if not np.isfinite(estimate.yaw_std):
         return estimate
     quarters = round((yaw - estimate.yaw) / (np.pi / 2))
     if quarters % 4 == 0:
@@ -55,7 +58,7 @@ def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
     sizes = [e.extents_std for e in same if e.extents_std is not None]
     pose = np.eye(4)
     yaw_std = best.yaw_std
-    if best.shape == "box":
+    if np.isfinite(best.yaw_std):
         yaws = np.array([best.yaw + np.angle(np.exp(1j * (e.yaw - best.yaw))) for e in same])
         yaw_weight = 1.0 / np.array([e.yaw_std**2 for e in same])
         yaw = float((yaws * yaw_weight).sum() / yaw_weight.sum())

@@ -8,9 +8,10 @@ import numpy as np
 from perception.cleaning import trusted_depth
 from perception.cloud import StereoNoise, largest_cluster, world_points
 from perception.frames import RgbdFrame
-from perception.refine import Refined, observe, refine
+from perception.free_form import box_around, is_explained, with_cut_top
+from perception.refine import Refined, observe, refine, refine_ellipsoid
 from perception.resting import LowerEnd, find_bottom, lower_end
-from perception.shape_choice import Kind, best_of, first_fits, lying
+from perception.shape_choice import ANY_KIND, Kind, best_of, first_fits, lying
 from perception.solids import Solid
 from perception.support import SupportPlane
 
@@ -133,15 +134,22 @@ def fit_solid(
             continue
         rests = bottom
         # A ball shows where it ends: it is drawn to the support only where it seems to lie on it.
-        if kind == "sphere" and (inside or abs(solid.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std):
+        if kind in ("sphere", "ellipsoid") and (
+            inside or abs(solid.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std
+        ):
             rests = (solid.bottom, 1.0)
         seen = observe(
             frame, cloud.mask, cloud.points, cloud.depth_std, patches, solid.top, rests, covering, equal_sides
         )
-        refined[kind] = refine(solid, seen)
+        fitted = refine_ellipsoid(solid, seen) if kind == "ellipsoid" else refine(solid, seen)
+        refined[kind] = with_cut_top(fitted, cloud.used, cloud.points)
     if len(refined) == 1:
         return next(iter(refined.values()))
-    return refined[best_of(first, refined, cloud.points, cloud.depth_std)]
+    best = best_of(first, refined, cloud.points, cloud.depth_std)
+    # A noun that is known says what the solid is, even where its label is bent or its outline spoilt.
+    if tuple(shapes) != ANY_KIND or is_explained(best, refined[best], cloud.points, cloud.depth_std):
+        return refined[best]
+    return box_around(frame, cloud.used, cloud.points, bottom, cloud.depth_std)
 
 
 def _around(frame: RgbdFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:

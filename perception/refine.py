@@ -21,6 +21,7 @@ from perception.solids import Solid
 
 OUTLINE_STD_PX = 1.0  # how well a mask's edge is known
 EQUAL_SIDES_STD = 0.004  # how unequal the sides of what people call a cube are, in [m]
+ELONGATION_STD = 0.15  # by which share an egg's or a lemon's sizes differ from their mean
 SYSTEMATIC_STD = 0.0008  # what calibration and sampling leave, in [m]
 
 
@@ -136,14 +137,14 @@ def _refine_box(solid: Solid, seen: Observation) -> Refined:
     covariance = best.covariance
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[5, 5] + covariance[6, 6]) / 4])
     sizes = np.array([covariance[3, 3], covariance[4, 4], covariance[5, 5] + covariance[6, 6]])
-    for face in range(4):
-        axis, sign = face % 2, 1.0 if face < 2 else -1.0
-        way = np.array([np.cos(best.x[2]), np.sin(best.x[2])]) if axis == 0 else np.zeros(2)
-        if axis == 1:
-            way = np.array([-np.sin(best.x[2]), np.cos(best.x[2])])
-        growth = _unseen_growth(best, sign * way, 3 + axis)
-        variance[:2] += (way * growth / 2) ** 2
-        sizes[axis] += growth**2
+    c, s = np.cos(best.x[2]), np.sin(best.x[2])
+    for axis, way in ((0, np.array([c, s])), (1, np.array([-s, c]))):
+        for sign in (1.0, -1.0):
+            outwards = np.zeros(7)
+            outwards[:2], outwards[3 + axis] = sign * way / 2, 1.0
+            growth = _unseen_growth(best, outwards)
+            variance[:2] += (way * growth / 2) ** 2
+            sizes[axis] += growth**2
     yaw_std = float(np.sqrt(covariance[2, 2]))
     fitted = build(best.x)
     turned = _nearest_turn(fitted)
@@ -152,22 +153,19 @@ def _refine_box(solid: Solid, seen: Observation) -> Refined:
     return Refined(turned, _floor(variance), yaw_std, best.rms, _floor(sizes))
 
 
-def _unseen_growth(best: "_Minimum", way: np.ndarray, size: int) -> float:
-    """How far a vertical face may move out before outline and points object, in [m]; 0 for a face that is seen.
+def _unseen_growth(best: "_Minimum", outwards: np.ndarray) -> float:
+    """How far a face may move out before outline and points object, in [m]; 0 for a face that is seen.
 
-    A box with a hidden face always ends where its points end, and the slopes there do not tell that it may go on.
+    A box with a face that is hidden, or lies beyond the picture's border, always ends where its points end, and the
+    slopes there do not tell that it may go on.
 
     Args:
         best: The minimum.
-        way: Outward direction of the face, shape (2,).
-        size: Which of x is the box's size along it.
+        outwards: By how much x changes when the face moves out by one metre, shape as x.
     """
     allowed = 0.0
     for growth in (0.005, 0.01, 0.02, 0.04):
-        x = best.x.copy()
-        x[:2] += way * growth / 2
-        x[size] += growth
-        if best.cost(x) > best.cost(best.x) + 1.0:
+        if best.cost(best.x + growth * outwards) > best.cost(best.x) + 1.0:
             break
         allowed = growth
     return allowed
@@ -193,6 +191,59 @@ def _refine_sphere(solid: Solid, seen: Observation) -> Refined:
     fitted = Solid("sphere", x[:3], 0.0, np.full(3, 2.0 * max(x[3], 0.003)))
     sizes = _floor(np.full(3, 4.0 * covariance[3, 3]))
     return Refined(fitted, _floor(np.diag(covariance)[:3]), float("inf"), best.rms, sizes)
+
+
+def refine_ellipsoid(ball: Solid, seen: Observation) -> Refined:
+    """Ellipsoid of which two axes are level: x = (centre, its three sizes, yaw), starting from a ball's fit.
+
+    The fit is begun with the longer level axis in three directions and the best end is kept: from a ball the yaw has
+    no slope. An affine map that makes the ellipsoid a unit sphere keeps lines of sight, so that the outline is the
+    unit sphere's. A point p in the axes divided by half the sizes h has q = p / h and lies, to first order,
+    (|q| - 1) |q| / |q / h| from the surface. The shape is still called a sphere, with three sizes.
+    """
+    size = float(ball.extents[0])
+    loose = np.array([0.03, 0.03, 0.03, *np.full(3, ELONGATION_STD * size), 0.8])
+    eye = seen.frame.world_T_camera[:3, 3]
+
+    def build(x: np.ndarray) -> Solid:
+        return Solid("sphere", x[:3], float(x[6]), np.maximum(x[3:6], 0.006))
+
+    def surface(x: np.ndarray) -> np.ndarray:
+        return ellipsoid_distance(build(x), seen.points)
+
+    def rim(x: np.ndarray) -> np.ndarray:
+        solid = build(x)
+        turn, half = solid.pose[:3, :3], solid.extents / 2
+        ring = sphere_rim(np.zeros(3), 1.0, (eye - solid.centre) @ turn / half)
+        return (ring * half) @ turn.T + solid.centre
+
+    def rests(x: np.ndarray) -> np.ndarray:
+        return np.array([(x[2] - x[5] / 2 - seen.bottom) / seen.bottom_std])
+
+    best: _Minimum | None = None
+    for yaw in np.radians((0.0, 60.0, 120.0)):
+        start = np.array([*ball.centre, 1.1 * size, 0.95 * size, 0.95 * size, yaw])
+        found = _minimise(start, loose, rim, surface, seen, rests)
+        if best is None or found.cost(found.x) < best.cost(best.x):
+            best = found
+    assert best is not None
+    fitted, covariance = build(best.x), best.covariance
+    sizes = _floor(np.diag(covariance)[3:6])
+    if fitted.extents[0] < fitted.extents[1]:
+        order = [1, 0, 2]
+        fitted = replace(fitted, yaw=fitted.yaw + np.pi / 2, extents=fitted.extents[order])
+        sizes = sizes[order]
+    fitted = replace(fitted, yaw=float(fitted.yaw % np.pi))
+    yaw_std = float(np.sqrt(covariance[6, 6]))
+    return Refined(fitted, _floor(np.diag(covariance)[:3]), yaw_std, best.rms, sizes)
+
+
+def ellipsoid_distance(solid: Solid, points: np.ndarray) -> np.ndarray:
+    """Signed distance of points to an ellipsoid's surface in [m] to first order, negative inside, shape (n,)."""
+    half = solid.extents / 2
+    q = (points - solid.centre) @ solid.pose[:3, :3] / half
+    away = np.linalg.norm(q, axis=1)
+    return (away - 1.0) * away / np.maximum(np.linalg.norm(q / half, axis=1), 1e-9)
 
 
 def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:

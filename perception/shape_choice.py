@@ -18,8 +18,9 @@ from perception.looks import ANY_THING, Look
 from perception.refine import Refined
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 
-Kind = Literal["box", "cylinder", "sphere", "lying cylinder"]
-FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5}
+Kind = Literal["box", "cylinder", "sphere", "lying cylinder", "ellipsoid"]
+FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5, "ellipsoid": 7}
+ANY_KIND: tuple[Kind, ...] = ("box", "cylinder", "sphere", "lying cylinder")  # what an unknown noun may mean
 EDGES, OUTLINE_PX = 15.0, 0.5  # pieces of outline that err independently, and how well an edge is known in [px]
 PATCHES = 40.0  # points that err independently are seldom more
 FIT_STD = 0.0015  # how far a first fit is off its own points in [m]
@@ -29,9 +30,11 @@ LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's en
 def kinds_of(look: Look) -> tuple[Kind, ...]:
     """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
     if look is ANY_THING:
-        return ("box", "cylinder", "sphere", "lying cylinder")
+        return ANY_KIND
     if look.noun == "can":
         return ("cylinder", "lying cylinder", "box")
+    if look.noun == "lemon":
+        return ("ellipsoid",)
     if look.solid == "cylinder" and not look.hollow:
         return ("cylinder", "lying cylinder")
     return (look.solid,)
@@ -48,7 +51,7 @@ def first_fits(points: np.ndarray, kinds: Sequence[Kind], bottom: float, depth_s
     """
     fits: dict[Kind, Solid] = {}
     for kind in kinds:
-        if kind == "sphere":
+        if kind in ("sphere", "ellipsoid"):
             fits[kind] = fit_sphere(points)
         elif kind == "cylinder":
             fits[kind] = fit_cylinder(points, bottom, depth_std)
@@ -104,7 +107,7 @@ def surface_distance(kind: Kind, solid: Solid, points: np.ndarray) -> np.ndarray
         points: In the world in [m], shape (n, 3).
     """
     local = (points - solid.centre) @ solid.pose[:3, :3]
-    if kind == "sphere":
+    if kind in ("sphere", "ellipsoid"):
         return np.linalg.norm(local, axis=1) - solid.extents[0] / 2
     if kind == "box":
         beyond = np.abs(local) - solid.extents / 2

@@ -144,6 +144,51 @@ def test_a_thing_of_an_unknown_noun_gets_the_solid_that_its_points_lie_on(thing,
     assert np.isfinite(found.yaw_std) == (shape == "box")
 
 
+KETTLE = (
+    Thing("cylinder", (0.05, 0.05, 0.065), (0.5, 0.0, 0.065), BLUE),
+    Thing("box", (0.035, 0.009, 0.009), (0.5, 0.0, 0.19), BLUE, 0.5),
+    *(
+        Thing("box", (0.006, 0.006, 0.03), (0.5 + d * np.cos(0.5), d * np.sin(0.5), 0.16), BLUE, 0.5)
+        for d in (-0.03, 0.03)
+    ),
+    Thing("box", (0.035, 0.012, 0.012), (0.5 + 0.06 * np.cos(0.5), 0.06 * np.sin(0.5), 0.09), BLUE, 0.5),
+)
+
+
+def test_a_thing_that_no_solid_explains_gets_the_box_around_it_along_its_spout_and_a_wide_spread():
+    found = seen(look(KETTLE, "blue_thing"), "blue_thing")
+    assert found.shape == "box"
+    assert found.extents == pytest.approx((0.145, 0.1, 0.199), abs=0.012)
+    assert found.position[:2] == pytest.approx(0.0225 * np.array([np.cos(0.5), np.sin(0.5)]) + [0.5, 0.0], abs=0.012)
+    assert np.degrees(found.yaw) == pytest.approx(np.degrees(0.5), abs=12.0), "the x axis must point to the spout"
+    assert found.extents_std is not None and found.extents_std[:2].min() > 0.008
+
+
+def test_a_lemon_has_three_sizes_and_the_direction_in_which_it_lies():
+    lemon = Thing("ellipsoid", (0.04, 0.028, 0.028), (0.5, 0.0, 0.028), YELLOW, 0.6)
+    found = seen(look([lemon], "lemon"), "lemon")
+    assert found.shape == "sphere"
+    assert found.position == pytest.approx((0.5, 0.0, 0.028), abs=NEAR)
+    assert found.extents == pytest.approx((0.08, 0.056, 0.056), abs=0.006)
+    assert np.degrees(found.yaw) == pytest.approx(np.degrees(0.6), abs=8.0)
+
+
+def test_a_lemon_seen_from_two_sides_keeps_its_direction():
+    lemon = Thing("ellipsoid", (0.04, 0.028, 0.028), (0.5, 0.0, 0.028), YELLOW, 0.6)
+    scene, *_ = seen_from_two_sides([lemon], "lemon")
+    assert np.degrees(scene.objects[0].yaw) % 180 == pytest.approx(np.degrees(0.6), abs=8.0)
+    assert scene.objects[0].extents == pytest.approx((0.08, 0.056, 0.056), abs=0.006)
+
+
+def test_a_box_whose_top_leaves_the_picture_has_a_spread_that_covers_its_error():
+    tower = Thing("box", (0.04, 0.04, 0.15), (0.5, 0.0, 0.15), RED, 0.3)
+    cut = seen(look([tower], "red_block", target=(0.5, 0.0, -0.58)), "red_block")
+    assert cut.evidence[0].mask[0].any(), "the tower must touch the border, or this test shows nothing"
+    assert cut.extents_std is not None and cut.extents[2] < 0.26, "what lies beyond the border is not seen"
+    assert np.all(np.abs(cut.extents - (0.08, 0.08, 0.3)) < 2.5 * cut.extents_std)
+    assert np.all(np.abs(cut.position - (0.5, 0.0, 0.15)) < 2.5 * cut.position_std)
+
+
 def test_a_half_hidden_cube_is_known_to_be_as_wide_as_high():
     half_hidden = seen(look([HIDING_WALL, cube(RED, 0.5, 0.0)], "red_cube"), "red_cube")
     assert half_hidden.position == pytest.approx((0.5, 0.0, 0.03), abs=0.006)
