@@ -50,7 +50,7 @@ def test_boxes_given_by_hand_say_so_and_end_at_the_border():
         ),
         ("boxes: {can: [9, 0, 0, 9]}", "the box of 'can' in boxes needs x0 < x1 and y0 < y1"),
         ("boxes: {can: [0, 0, 9]}", "not valid at boxes.can"),
-        ("boxes: {Can: [0, 0, 9, 9]}", "not valid at boxes.Can"),
+        ("boxes: {7up: [0, 0, 9, 9]}", "not valid at boxes.7up"),
         ("box: {can: [0, 0, 9, 9]}", "not valid at box: Extra inputs are not permitted"),
         ("frames: {7: {can: [0, 0, 9, 9]}}", "keys in quotes"),
         ("boxes: [", "cannot be read"),
@@ -153,3 +153,8 @@ def test_two_cameras_agree_on_which_of_two_is_which():
 def test_a_further_name_leaves_names_alone_that_are_taken():
     assert instance_name("cup", {"cup", "cup_2"}) == "cup_3"
     assert instance_name("cup", ()) == "cup"
+
+
+def test_a_name_in_a_file_of_boxes_may_be_written_as_people_say_it(tmp_path):
+    given = BoxesByFrame(box_file(tmp_path, "boxes: {Sugar box: [0, 0, 9, 9]}"), KEYS).of("000002")
+    assert list(given.boxes) == ["sugar_box"]
