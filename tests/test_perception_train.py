@@ -119,12 +119,12 @@ def test_words_are_whole_tokens_and_ends_have_the_ids_that_the_architecture_want
     assert tokenizer.convert_ids_to_tokens(ids)[1:3] == ["red", "cube"]
 
 
-def test_the_threshold_keeps_absent_things_absent():
-    empty = np.zeros((0, 4))
-    box = np.array([[0.0, 0.0, 1.0, 1.0]])
-    questions = [Answered(box, np.array([0.3]), empty)] * 2 + [Answered(empty, np.zeros(0), empty)] * 198
-    assert choose_threshold(questions) == 0.05  # one in a hundred may be wrong
-    assert choose_threshold(questions[:100]) == 0.31
+def test_the_threshold_parts_right_boxes_from_wrong_ones():
+    empty, there = np.zeros((0, 4)), np.array([[0.0, 0.0, 8.0, 8.0]])
+    right = [Answered(there, np.array([score]), there) for score in (0.4, 0.6, 0.9)]
+    wrong = [Answered(there, np.array([score]), empty) for score in (0.1, 0.2, 0.33)]
+    assert choose_threshold([*right, *wrong]) == 0.34
+    assert choose_threshold(right) == 0.05
 
 
 def test_a_file_that_is_no_shard_is_named(tmp_path):

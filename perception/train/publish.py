@@ -26,7 +26,6 @@ from perception.train.segmenter import CROP_FACTOR, LEAST_PIXELS, LOOSE
 from perception.train.shards import Sample, Shards
 
 LOWEST = 0.05  # scores below are not looked at
-MOST_ABSENT = 0.01  # share of questions about absent things that may be answered with a box at the threshold
 MOST_PHRASES = 8  # in one prompt, as in training
 
 
@@ -105,12 +104,18 @@ def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], he
     return questions
 
 
-def choose_threshold(questions: list[Question], most_absent: float = MOST_ABSENT) -> float:
-    """The lowest threshold, in steps of 0.01, at which few questions about absent things are answered with a box."""
-    for percent in range(round(100 * LOWEST), 95):
-        if absent_false_positive_rate(questions, percent / 100) <= most_absent:
-            return percent / 100
-    return 0.95
+def choose_threshold(questions: list[Question]) -> float:
+    """The threshold, in steps of 0.01, at which most boxes are right and most things found: the largest F1.
+
+        F1 = 2 right / (boxes drawn + things there)
+    """
+
+    def f1(threshold: float) -> float:
+        there = sum(len(q.truth) for q in questions)
+        drawn = sum(int((q.scores >= threshold).sum()) for q in questions)
+        return 2.0 * recall(questions, threshold) * there / max(drawn + there, 1)
+
+    return max((percent / 100 for percent in range(round(100 * LOWEST), 95)), key=f1)
 
 
 def publish_segmenter(
