@@ -149,7 +149,9 @@ class Looker:
         measured.seconds["total"].append(time.perf_counter() - started)
         for stage in STAGES:
             measured.seconds[stage].append(scene.seconds[stage])
-        measured.scores.add(scene, item.truth, overheard.drawn, names, item.frame.camera, item.group, item.hinges_deg)
+        drawn = None if self.row == KNOWN else overheard.drawn
+        furniture = () if self.row == KNOWN else tuple(item.known)
+        measured.scores.add(scene, item.truth, drawn, names, item.frame.camera, item.group, item.hinges_deg, furniture)
 
     def _for(self, item: HeldOutFrame) -> tuple[Perception, OverheardDetector]:
         detector, segmenter = self._perception.detector, self._perception.segmenter

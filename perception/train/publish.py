@@ -107,7 +107,7 @@ def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], he
 def choose_threshold(questions: list[Question]) -> float:
     """The threshold, in steps of 0.01, at which most boxes are right and most things found: the largest F1.
 
-        F1 = 2 right / (boxes drawn + things there)
+    F1 = 2 right / (boxes drawn + things there)
     """
 
     def f1(threshold: float) -> float:
