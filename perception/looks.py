@@ -11,6 +11,7 @@ import numpy as np
 from perception.errors import UnknownPhraseError
 from perception.estimates import Shape
 
+Kind = Literal["box", "cylinder", "sphere", "lying cylinder", "ellipsoid"]
 Outline = Literal["round", "vessel", "angular", "elongated", "any"]
 
 
@@ -77,6 +78,7 @@ class Look:
         solid: Solid to fit to its points.
         equal_sides: Whether the word says that it is as long as wide as high.
         hollow: Whether things lie in it rather than on it.
+        kinds: Solids to try in fits, where it is not `solid` alone.
     """
 
     noun: str
@@ -86,6 +88,7 @@ class Look:
     solid: Shape
     equal_sides: bool = False
     hollow: bool = False
+    kinds: tuple[Kind, ...] = ()
 
 
 LOOKS: dict[str, Look] = {
@@ -98,13 +101,13 @@ LOOKS: dict[str, Look] = {
         Look("bar", CHROMATIC, "elongated", (0.08, 0.60), "box"),
         Look("apple", ("red", "green"), "round", (0.045, 0.11), "sphere"),
         Look("orange", ("orange",), "round", (0.045, 0.11), "sphere"),
-        Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere"),
+        Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere", kinds=("ellipsoid",)),
         Look("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
         Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
         Look("bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder", hollow=True),
         Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder", hollow=True),
         Look("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
-        Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder"),
+        Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder", kinds=("cylinder", "lying cylinder", "box")),
         Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder", hollow=True),
     )
 }

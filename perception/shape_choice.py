@@ -10,15 +10,13 @@ shows them: m pieces of it disagree with the solid's by o, where an edge is know
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 
-from perception.looks import ANY_THING, Look
+from perception.looks import ANY_THING, Kind, Look
 from perception.refine import Refined
 from perception.solids import Solid, fit_box, fit_cylinder, fit_sphere
 
-Kind = Literal["box", "cylinder", "sphere", "lying cylinder", "ellipsoid"]
 FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5, "ellipsoid": 7}
 ANY_KIND: tuple[Kind, ...] = ("box", "cylinder", "sphere", "lying cylinder")  # what an unknown noun may mean
 EDGES, OUTLINE_PX = 15.0, 0.5  # pieces of outline that err independently, and how well an edge is known in [px]
@@ -31,10 +29,8 @@ def kinds_of(look: Look) -> tuple[Kind, ...]:
     """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
     if look is ANY_THING:
         return ANY_KIND
-    if look.noun == "can":
-        return ("cylinder", "lying cylinder", "box")
-    if look.noun == "lemon":
-        return ("ellipsoid",)
+    if look.kinds:
+        return look.kinds
     if look.solid == "cylinder" and not look.hollow:
         return ("cylinder", "lying cylinder")
     return (look.solid,)
