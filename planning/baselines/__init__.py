@@ -43,4 +43,7 @@ METHODS: Mapping[str, Method] = {
         "planning.baselines.one_shot_plan",
         "run_one_shot_plan",
     ),
+    "pddl": Method(
+        "a classical planner on what is seen and told", "planning.baselines.pddl", "run_pddl", symbolic=True
+    ),
 }
