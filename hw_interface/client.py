@@ -28,8 +28,6 @@ from hw_interface.messages import (
     SpeedRequest,
     StateRequest,
     StopRequest,
-    Truth,
-    TruthRequest,
 )
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
 from hw_interface.process import SimProcess, start_sim_process
@@ -49,10 +47,10 @@ from hw_interface.transport import (
     ask,
     open_client_session,
 )
-from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest
+from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest, TruthMessage, TruthRequest
 from hw_interface.wire import decode
 from perception.frames import RgbdFrame
-from perception.ground_truth import FrameTruth
+from perception.ground_truth import CellTruth, FrameTruth
 
 __all__ = ["CellClient", "ExecutionReport", "Progress", "SimProcess", "start_sim_process"]
 
@@ -212,14 +210,13 @@ class CellClient:
         """
         return ask(self._session, ACKNOWLEDGE_KEY, AcknowledgeRequest(), RobotState, self._timeout)
 
-    def truth(self) -> dict[str, np.ndarray]:
-        """True pose of every object, `world_T_object` of shape (4, 4). For scorers only.
+    def truth(self) -> CellTruth:
+        """Everything that truly stands in the cell now. For scorers only.
 
         Raises:
             RobotGoneError: The cell does not offer it (it was not started for scoring), or no answer.
         """
-        message = ask(self._session, TRUTH_KEY, TruthRequest(), Truth, self._timeout)
-        return {o.name: o.world_T_object for o in message.objects}
+        return ask(self._session, TRUTH_KEY, TruthRequest(), TruthMessage, self._timeout).truth()
 
     def frame_truth(self, camera: str) -> FrameTruth:
         """What truly is in a camera's picture now, with masks. For scorers only.

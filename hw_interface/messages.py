@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from control.limits import JOINT_NAMES
-from hw_interface.wire import Message, array_field
+from hw_interface.wire import Message
 
 Mode = Literal["idle", "moving", "stopping", "stopped", "reflex"]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
@@ -181,25 +181,3 @@ class ResultRequest(Message):
 
     type_name: ClassVar[str] = "result_request"
     serial: Name
-
-
-class TruthRequest(Message):
-    """Asks a simulated cell that was started for scoring where its objects really are."""
-
-    type_name: ClassVar[str] = "truth_request"
-
-
-class ObjectTruth(Message):
-    """True pose of one object: `world_T_object`, shape (4, 4), in [m]."""
-
-    type_name: ClassVar[str] = "object_truth"
-    name: Name
-    world_T_object: array_field("<f8", (4, 4))  # type: ignore[valid-type]
-
-
-class Truth(Message):
-    """True poses of all objects. For scorers only: nothing that plans, perceives or verifies may ask for it."""
-
-    type_name: ClassVar[str] = "truth"
-    stamp: float
-    objects: tuple[ObjectTruth, ...]

@@ -23,8 +23,6 @@ from hw_interface.messages import (
     SpeedRequest,
     StateRequest,
     StopRequest,
-    Truth,
-    TruthRequest,
 )
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.transport import (
@@ -44,10 +42,10 @@ from hw_interface.transport import (
     read_request,
     refusing,
 )
-from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest
+from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest, TruthMessage, TruthRequest
 from hw_interface.wire import encode
 from perception.frames import RgbdFrame
-from perception.ground_truth import FrameTruth
+from perception.ground_truth import CellTruth, FrameTruth
 
 STATE_PERIOD = 0.014  # [s]; comfortably above 50 states a second
 
@@ -60,7 +58,7 @@ class RobotNode:
         cameras: Names of the cameras.
         take_frame: Takes a picture now; called on the thread that calls `serve`.
         endpoint: Where to listen.
-        truth: For simulated cells that are scored: true poses; None leaves the key out.
+        truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
 
     Attributes:
@@ -76,7 +74,7 @@ class RobotNode:
         cameras: tuple[str, ...],
         take_frame: Callable[[str], RgbdFrame],
         endpoint: str,
-        truth: Callable[[], Truth] | None = None,
+        truth: Callable[[], CellTruth] | None = None,
         frame_truth: Callable[[str], FrameTruth] | None = None,
     ) -> None:
         self._driver = driver
@@ -186,7 +184,7 @@ class RobotNode:
     def _answer_truth(self, query: zenoh.Query) -> None:
         read_request(query, TruthRequest)
         assert self._truth is not None
-        answer(query, self._truth())
+        answer(query, TruthMessage.of(self._truth(), time.time()))
 
     def _answer_frame_truth(self, query: zenoh.Query) -> None:
         read_request(query, FrameTruthRequest)

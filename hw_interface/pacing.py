@@ -12,10 +12,9 @@ from contextlib import contextmanager
 from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
-from hw_interface.messages import Truth
 from hw_interface.node import STATE_PERIOD, RobotNode
 from perception.frames import RgbdFrame
-from perception.ground_truth import FrameTruth
+from perception.ground_truth import CellTruth, FrameTruth
 
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
 IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
@@ -86,7 +85,7 @@ def serve_robot(
     endpoint: str,
     speed: float,
     leash: Leash,
-    truth: Callable[[], Truth] | None = None,
+    truth: Callable[[], CellTruth] | None = None,
     frame_truth: Callable[[str], FrameTruth] | None = None,
 ) -> None:
     """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.

@@ -11,13 +11,12 @@ from control.limits import RobotLimits
 from control.safety import SafetyLimits
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
-from hw_interface.messages import ObjectTruth, Truth
 from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
 from hw_interface.transport import DEFAULT_ENDPOINT
 from perception.frames import CameraIntrinsics, RgbdFrame
-from perception.ground_truth import FrameTruth
+from perception.ground_truth import CellTruth, FrameTruth
 
 
 class CellWorld(Protocol):
@@ -25,21 +24,19 @@ class CellWorld(Protocol):
 
     Attributes:
         model, data: MuJoCo model and state; the robot carries the names of `control.twin_model`.
-        object_names: Bodies that a scorer may ask for.
         cameras: Cameras to render; each has a `name`.
     """
 
     model: Any
     data: Any
-    object_names: Any
     cameras: Any
 
     def render(self, camera_name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, CameraIntrinsics]:
         """Colour (h, w, 3) uint8, depth (h, w) in [m] with NaN, world_T_camera (4, 4) optical, intrinsics."""
         ...
 
-    def object_pose(self, name: str) -> np.ndarray:
-        """World pose of an object, shape (4, 4)."""
+    def truth(self) -> CellTruth:
+        """What truly stands there now."""
         ...
 
     def frame_truth(self, camera_name: str) -> FrameTruth:
@@ -77,7 +74,7 @@ def run_sim_cell(
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         torque, tcp: Robot model for the driver's own checks, see `hw_interface.gate.Gate`.
         supervision: Where the driver stops by itself.
-        score: Offer the true object poses to a scorer.
+        score: Offer to a scorer what truly stands there and is seen.
         parent_pid: End when this process has ended.
         leash: To end the loop from elsewhere; None makes one.
         gripper: What the robot in the world carries.
@@ -93,13 +90,6 @@ def run_sim_cell(
         colour, depth, world_T_camera, intrinsics = world.render(camera)
         return RgbdFrame(colour, depth, intrinsics, world_T_camera, time.time(), camera)
 
-    def truth() -> Truth:
-        poses = tuple(
-            ObjectTruth(name=name, world_T_object=np.asarray(world.object_pose(name), "<f8"))
-            for name in world.object_names
-        )
-        return Truth(stamp=time.time(), objects=poses)
-
     cameras = tuple(camera.name for camera in world.cameras)
     serve_robot(
         driver,
@@ -107,7 +97,7 @@ def run_sim_cell(
         take_frame,
         endpoint=endpoint,
         speed=speed,
-        truth=truth if score else None,
+        truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,
         leash=leash or Leash(parent_pid),
     )

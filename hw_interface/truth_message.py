@@ -1,4 +1,7 @@
-"""What truly is in a camera's picture, on the wire: for scorers of simulated cells only."""
+"""What truly stands in a cell and is in a camera's picture, on the wire: for scorers of simulated cells only.
+
+Nothing that plans, perceives or verifies may ask for it.
+"""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -8,7 +11,71 @@ from pydantic import Field
 from hw_interface.errors import MessageError
 from hw_interface.messages import Name
 from hw_interface.wire import Message, array_field
-from perception.ground_truth import FrameTruth, TrueObject, box_around
+from perception.ground_truth import CellTruth, FrameTruth, StandingThing, TrueJoint, TrueObject, box_around
+
+
+class TruthRequest(Message):
+    """Asks a simulated cell that was started for scoring what truly stands in it, and how."""
+
+    type_name: ClassVar[str] = "truth_request"
+
+
+class ThingTruth(Message):
+    """One thing; the fields are those of `perception.ground_truth.StandingThing`."""
+
+    type_name: ClassVar[str] = "thing_truth"
+    name: Name
+    world_T_object: array_field("<f8", (4, 4))  # type: ignore[valid-type]
+    extents: array_field("<f8", (3,))  # type: ignore[valid-type]
+    velocity: array_field("<f8", (6,))  # type: ignore[valid-type]
+    fixed: bool
+
+
+class JointTruth(Message):
+    """One joint of furniture; the fields are those of `perception.ground_truth.TrueJoint`."""
+
+    type_name: ClassVar[str] = "joint_truth"
+    name: Name
+    position: float
+    fraction: float
+
+
+class TruthMessage(Message):
+    """Everything that stands in the cell.
+
+    Attributes:
+        stamp: When, on the robot process's wall clock in [s] since 1970.
+        things, joints: As in `perception.ground_truth.CellTruth`.
+    """
+
+    type_name: ClassVar[str] = "truth"
+    stamp: float
+    things: tuple[ThingTruth, ...]
+    joints: tuple[JointTruth, ...]
+
+    @classmethod
+    def of(cls, truth: CellTruth, stamp: float) -> "TruthMessage":
+        """The message of a truth of this time in [s]."""
+        things = tuple(
+            ThingTruth(
+                name=t.name,
+                world_T_object=np.asarray(t.world_T_object, "<f8"),
+                extents=np.asarray(t.extents, "<f8"),
+                velocity=np.asarray(t.velocity, "<f8"),
+                fixed=t.fixed,
+            )
+            for t in truth.things.values()
+        )
+        joints = tuple(
+            JointTruth(name=j.name, position=float(j.position), fraction=float(j.fraction))
+            for j in truth.joints.values()
+        )
+        return cls(stamp=stamp, things=things, joints=joints)
+
+    def truth(self) -> CellTruth:
+        """The truth in this message."""
+        things = {t.name: StandingThing(t.name, t.world_T_object, t.extents, t.velocity, t.fixed) for t in self.things}
+        return CellTruth(things, {j.name: TrueJoint(j.name, j.position, j.fraction) for j in self.joints})
 
 
 class FrameTruthRequest(Message):

@@ -1,4 +1,7 @@
-"""What truly was in a recorded picture: for scorers only, never an input of perception. Needs numpy only."""
+"""What truly was in a recorded picture or stands in a simulated cell: for scorers only, never an input of perception.
+
+Needs numpy only.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -45,6 +48,58 @@ class FrameTruth:
 
     objects: tuple[TrueObject, ...]
     absent: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class StandingThing:
+    """One thing of a simulated cell, seen or not.
+
+    Attributes:
+        name: Scene name.
+        world_T_object: Pose of its box centre in the world, shape (4, 4).
+        extents: Full sizes along its own axes in [m], shape (3,).
+        velocity: Linear velocity in [m/s], then angular in [rad/s], along the world's axes, shape (6,).
+        fixed: Whether it is furniture, which nothing moves.
+    """
+
+    name: str
+    world_T_object: np.ndarray
+    extents: np.ndarray
+    velocity: np.ndarray
+    fixed: bool
+
+
+@dataclass(frozen=True)
+class TrueJoint:
+    """One joint of furniture.
+
+    Attributes:
+        name: Of the joint.
+        position: In [rad] or [m], 0 closed.
+        fraction: The same as a share, 0 closed .. 1 open.
+    """
+
+    name: str
+    position: float
+    fraction: float
+
+
+@dataclass(frozen=True)
+class CellTruth:
+    """Everything that stands in a simulated cell at one time.
+
+    Attributes:
+        things: Loose ones and furniture, by name.
+        joints: Of the furniture, by name.
+    """
+
+    things: Mapping[str, StandingThing]
+    joints: Mapping[str, TrueJoint]
+
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        """`world_T_object` of loose things, shape (4, 4) each, by name."""
+        return {name: thing.world_T_object for name, thing in self.things.items() if not thing.fixed}
 
 
 def box_around(mask: np.ndarray) -> np.ndarray:

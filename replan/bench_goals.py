@@ -167,7 +167,7 @@ def bench_goals(
         for seed in range(runs):
             goal = GOALS[name]
             options = RunOptions(goal.goal, goal.cell, goal.options, seed=seed, speed=speed, runs_dir=runs_dir)
-            options = replace(options, video=False, score=True, detector=detector, segmenter=segmenter)
+            options = replace(options, video=False, strip=False, score=True, detector=detector, segmenter=segmenter)
             _run_once(goal, options, score)
             word = "ok" if score.success[-1] else f"FAILED ({score.reasons[-1]})"
             say(f"{name} seed {seed}: {word}, {score.wall_s[-1]:.1f} s, {score.steps[-1]} steps")
@@ -200,7 +200,7 @@ def _run_once(goal: BenchGoal, options: RunOptions, score: GoalScore) -> None:
         report = run_goal(
             options,
             say=lambda _text: None,
-            on_client=lambda when, client: truth.update({when: client.truth()}),
+            on_client=lambda when, client: truth.update({when: client.truth().poses}),
         )
     except (StackError, PerceptionError) as error:
         score.success.append(False)

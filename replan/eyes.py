@@ -11,10 +11,12 @@ from perception.recordings import save_npz
 from perception.scene_file import LookRecord, PerceptionResult
 from replan.episode import Episode
 from replan.film import Film
+from replan.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
     from perception.pipeline import Perception
+    from replan.true_poses import TruePoses
 
 
 class CameraEyes:
@@ -26,21 +28,24 @@ class CameraEyes:
         episode: Record of the run; gets one overlay picture per camera and look, and the raw frames.
         film: Gets the first camera's overlay as a still.
         say: Progress for people.
+        watch: Shares out the run's time.
     """
 
     def __init__(
         self,
         client: "CellClient",
-        perception: "Perception",
+        perception: "Perception | TruePoses",
         episode: Episode,
         film: Film,
         say: Callable[[str], None],
+        watch: Stopwatch,
     ) -> None:
         self._client = client
         self._perception = perception
         self._episode = episode
         self._film = film
         self._say = say
+        self._watch = watch
         self.pictures: tuple[np.ndarray, ...] = ()  # colour pictures of the last look, uint8, (h, w, 3)
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
@@ -50,6 +55,10 @@ class CameraEyes:
             PerceptionError: A frame cannot be used, or the detector cannot work at all.
             RobotGoneError: The cell does not answer.
         """
+        with self._watch.part("perception"):
+            return self._look(names)
+
+    def _look(self, names: Sequence[str]) -> SceneEstimate:
         import cv2
 
         frames = self._client.frames()

@@ -23,6 +23,7 @@ from perception.estimates import SceneEstimate
 from planning.interfaces import AttemptResult
 from replan.episode import Episode
 from replan.film import FILM_RATE, Film
+from replan.stopwatch import Stopwatch
 from sim_check.cells import CellConfig
 from sim_check.diagnosis import diagnose
 from sim_check.payloads import held_payloads
@@ -48,6 +49,7 @@ class TwinCheckedHands:
         film: Gets a picture of the twin and of the cell while it moves.
         filming: Whether to take pictures while the robot moves.
         say: Progress for people.
+        watch: Shares out the run's time.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class TwinCheckedHands:
         film: Film,
         filming: bool,
         say: Callable[[str], None],
+        watch: Stopwatch,
     ) -> None:
         self._client = client
         self._cell = cell
@@ -70,6 +73,7 @@ class TwinCheckedHands:
         self._film = film
         self._filming = filming
         self._say = say
+        self._watch = watch
         self._gripper = cell.robot.gripper_model
         self._robot = RobotModel.panda(gripper=self._gripper)
         self._kinematics = ArmKinematics.from_urdf(gripper=self._gripper)
@@ -104,6 +108,10 @@ class TwinCheckedHands:
             RobotGoneError, StoppedError, KeyboardInterrupt: Not failures of a subtask but ends of the run; a robot
                 that stopped by itself waits for a person, so that ends the run as well.
         """
+        with self._watch.part("search"):
+            return self._attempt(spec, scene)
+
+    def _attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
         state = self._client.state()
         held = self._held if state.grasped else None
         try:
@@ -122,7 +130,8 @@ class TwinCheckedHands:
             limits=self._limits,
         )
         if isinstance(plan, FailureCause):
-            cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
+            with self._watch.part("diagnosis"):
+                cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
             self.steps += int(cause.evidence.get("steps", 0))
             return self._failed(cause)
         self.steps += plan.stats.steps
@@ -142,6 +151,10 @@ class TwinCheckedHands:
             spec: What it should have achieved.
             scene: What is seen now.
         """
+        with self._watch.part("diagnosis"):
+            return self._explain(spec, scene)
+
+    def _explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         state = self._client.state()
         held = self._held if state.grasped else None
         try:
@@ -161,12 +174,16 @@ class TwinCheckedHands:
         cause: FailureCause | None = None
         for path in (plan.path, *plan.alternatives)[:MAX_PATHS_JUDGED]:
             try:
-                trajectory = retime(path, self._robot, self._limits, self._safety, payloads=held_payloads(twin))
+                with self._watch.part("retiming"):
+                    trajectory = retime(path, self._robot, self._limits, self._safety, payloads=held_payloads(twin))
             except RetimingError as error:
                 self._episode.log("retiming_failed", reason=str(error))
                 cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")
                 continue
-            verdict = judge_trajectory(trajectory, twin, spec, self._safety, self._limits, self._rng, robot=self._robot)
+            with self._watch.part("verdict"):
+                verdict = judge_trajectory(
+                    trajectory, twin, spec, self._safety, self._limits, self._rng, robot=self._robot
+                )
             self.steps += verdict.steps
             self._episode.log("verdict", verdict=verdict, duration=trajectory.duration)
             share = f"{verdict.successes}/{verdict.trials} perturbed twins"
@@ -208,7 +225,8 @@ class TwinCheckedHands:
         self._say(f"robot: moving for {trajectory.duration / state.speed_wanted:.1f} s{speed}")
         self.trajectories_sent += 1
         try:
-            report = self._client.execute(trajectory, certificate, on_progress=self._on_progress)
+            with self._watch.part("moving"):
+                report = self._client.execute(trajectory, certificate, on_progress=self._on_progress)
         except RefusedError as error:
             self._episode.log("refused", code=error.code, reason=str(error))
             return self._failed(FailureCause("refused_by_robot", spec.primary.subject, str(error), check=error.code))

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from control.errors import ConfigError, GoalError
 from perception.options import PerceptionOptions
@@ -16,6 +16,8 @@ from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
+    from planning.results import StepRecord
+    from replan.stopwatch import Part
 
 FREE_PORT = "tcp/127.0.0.1:0"  # the process picks one and says which
 
@@ -37,8 +39,13 @@ class RunOptions:
     reasoner: str = "builtin"
     runs_dir: Path = Path("runs")
     video: bool = True
+    strip: bool = True
     acknowledge: bool = False
     score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
+    without: tuple[str, ...] = ()  # parts of the method that are left out: verifier, perceiver, replan
+    method: str = "replan"  # how a goal becomes motions: the method itself, or a baseline that it is compared with
+    poses: Literal["seen", "true"] = "seen"  # "true": of what is in view, from a cell that is scored (benchmarks only)
+    answer_noise: float = 0.0  # share of the reasoner's answers that are spoiled
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,8 @@ class RunReport:
         steps: Simulated steps spent in the twin.
         motions: Trajectories sent to the robot.
         replans: How often a subtask or the plan was made anew.
+        actions: Every step that was tried, in order.
+        seconds_by_part: Wall time in [s] by `replan.stopwatch.PARTS`; they add up to `seconds`.
         reasoner, detector: Which backends answered and saw, plainly named.
         folder: The run's folder.
         exit_code: Of the command.
@@ -63,6 +72,8 @@ class RunReport:
     steps: int
     motions: int
     replans: int
+    actions: tuple["StepRecord", ...]
+    seconds_by_part: dict["Part", float]
     reasoner: str
     detector: str
     folder: Path
@@ -70,7 +81,17 @@ class RunReport:
 
     def as_json(self) -> dict[str, Any]:
         """As one JSON object."""
-        return {**asdict(self), "folder": str(self.folder), "seconds": round(self.seconds, 2)}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
+        actions = [
+            {"action": a.action, "kind": a.kind, "ok": a.ok, "cause": a.cause and a.cause.kind} for a in self.actions
+        ]
+        parts = {part: round(seconds, 3) for part, seconds in self.seconds_by_part.items()}
+        return plain | {
+            "folder": str(self.folder),
+            "seconds": round(self.seconds, 2),
+            "actions": actions,
+            "seconds_by_part": parts,
+        }
 
     def as_text(self) -> str:
         """For people."""
@@ -107,6 +128,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
             f"--motion-speed {options.motion_speed:g} is not valid; it must be above 0 and at most 1 (the speed that "
             "motions are judged at)"
         )
+    _check_variant(options)
     from replan.rendering import require_mujoco
     from sim_check.cells import load_cell
 
@@ -117,6 +139,24 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
         endpoint = _endpoint(options, say, stack)
         require_mujoco()
         return _run(options, cell, endpoint, say, on_client)
+
+
+def _check_variant(options: RunOptions) -> None:
+    """Refuse variants of the method that this program does not have.
+
+    Raises:
+        ConfigError: One that is asked for.
+    """
+    if options.without:
+        raise ConfigError(f"the method cannot be run without {', '.join(options.without)}; leave `without` empty")
+    if options.method != "replan":
+        raise ConfigError(f"there is no method '{options.method}'; there is: replan")
+    if options.answer_noise != 0.0:
+        raise ConfigError(f"answer_noise {options.answer_noise:g} is not available; it must be 0")
+    if options.poses not in ("seen", "true"):
+        raise ConfigError(f"poses '{options.poses}' are not known; there are: seen, true")
+    if options.poses == "true" and not options.score:
+        raise ConfigError("true poses come from a simulated cell that is scored; only benchmarks start one")
 
 
 def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunReport:
@@ -132,6 +172,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from replan.film import Film
     from replan.hands import TwinCheckedHands
     from replan.judge import SeenJudge
+    from replan.stopwatch import Stopwatch
+    from replan.true_poses import TruePoses
     from sim_check.known_models import known_models
 
     perception = perception_from_options(
@@ -142,7 +184,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     film = Film()
     with ExitStack() as stack:
         stack.callback(episode.close)
-        stack.callback(_write_film, film, episode, options.video, say)
+        stack.callback(_write_film, film, episode, options, say)
         limits = cell.robot.limits()
         episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
         try:
@@ -152,8 +194,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 client.set_speed(options.motion_speed)
             if on_client:
                 on_client("before", client)
-            hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say)
-            eyes = CameraEyes(client, perception, episode, film, say)
+            if options.poses == "true":
+                perception = TruePoses(client, tuple(cell.furniture))
+            watch = Stopwatch()
+            hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
+            eyes = CameraEyes(client, perception, episode, film, say, watch)
             started = time.monotonic()
             result = run_loop(
                 options.goal,
@@ -166,7 +211,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 say=say,
                 pictures=lambda: eyes.pictures,
             )
-            seconds = time.monotonic() - started
+            seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:
                 on_client("after", client)
         except BaseException as error:
@@ -179,6 +224,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             steps=hands.steps,
             motions=hands.trajectories_sent,
             replans=result.replans,
+            actions=result.steps,
+            seconds_by_part=by_part,
             reasoner=reasoner.name,
             detector=perception.name,
             folder=episode.folder,
@@ -233,14 +280,13 @@ def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack)
     return lambda: starting.result().endpoint
 
 
-def _write_film(film, episode, wanted: bool, say: Callable[[str], None]) -> None:
-    if not wanted:
-        return
+def _write_film(film, episode, options: RunOptions, say: Callable[[str], None]) -> None:
     # A second Ctrl-C must not leave half a file.
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        if film.write_strip(episode.folder / "strip.png"):
+        if options.strip and film.write_strip(episode.folder / "strip.png"):
             say(f"pictures: {episode.folder / 'strip.png'}")
-        film.write_video(episode.folder / "run.mp4")
+        if options.video:
+            film.write_video(episode.folder / "run.mp4")
     finally:
         signal.signal(signal.SIGINT, previous)

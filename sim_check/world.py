@@ -13,7 +13,7 @@ from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR
 from perception.estimates import Shape
 from perception.frames import CameraIntrinsics
-from perception.ground_truth import FrameTruth, TrueObject, box_around
+from perception.ground_truth import CellTruth, FrameTruth, StandingThing, TrueJoint, TrueObject, box_around
 from sim_check.arrangement import arrange
 from sim_check.cell_config import CellConfig, DepthNoiseConfig, SimulationConfig
 from sim_check.depth_noise import stereo_depth
@@ -102,6 +102,23 @@ class World:
             raise ConfigError(f"the simulated cell has no object '{name}'; it has {names}")
         body = (self.data if data is None else data).body(name)
         return pose_of(body.xpos, body.xquat)
+
+    def truth(self) -> CellTruth:
+        """Everything that stands here now."""
+        things = {}
+        for name, thing in {**self.objects, **self.furniture}.items():
+            turning_first = np.zeros(6)
+            body = self.model.body(name).id
+            mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, body, turning_first, 0)
+            velocity = np.roll(turning_first, 3)
+            pose = self.object_pose(name)
+            things[name] = StandingThing(name, pose, thing.extents, velocity, name in self.furniture)
+        joints = {
+            p.name: TrueJoint(p.name, float(self.data.joint(p.name).qpos[0]), self.joint_fraction(p.name))
+            for f in self.furniture.values()
+            for p in f.parts
+        }
+        return CellTruth(things, joints)
 
     def render(
         self, camera_name: str, data: mujoco.MjData | None = None

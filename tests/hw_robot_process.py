@@ -1,20 +1,19 @@
 """A robot process for tests: `python -m tests.hw_robot_process KIND ENDPOINT SPEED --parent-pid PID`; see `runs`."""
 
 import sys
-import time
 from functools import partial
 
 import numpy as np
 
-from hw_interface.messages import ObjectTruth, Truth
 from hw_interface.pacing import Leash, serve_robot
+from perception.ground_truth import CellTruth, StandingThing
 from tests.hw_support import blank_frame, perfect_driver
 
 
 def run_perfect(endpoint: str, speed: float, parent: int) -> None:
     """A robot without physics; its truth is one motionless thing."""
     driver, _ = perfect_driver()
-    truth = Truth(stamp=time.time(), objects=(ObjectTruth(name="red_cube", world_T_object=np.eye(4)),))
+    truth = CellTruth({"red_cube": StandingThing("red_cube", np.eye(4), np.full(3, 0.04), np.zeros(6), False)}, {})
     serve_robot(
         driver,
         ("front", "side"),

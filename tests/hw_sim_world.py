@@ -8,7 +8,7 @@ import numpy as np
 from control.limits import REST_Q
 from control.twin_model import ARM_ACTUATORS, ARM_JOINTS, FINGER_JOINTS, GRIPPER_ACTUATOR, TCP_SITE
 from perception.frames import CameraIntrinsics
-from perception.ground_truth import FrameTruth
+from perception.ground_truth import CellTruth, FrameTruth, StandingThing
 from sim_check.panda_mjcf import panda_spec
 
 CUBE = 0.04  # edge in [m]
@@ -17,7 +17,6 @@ CUBE = 0.04  # edge in [m]
 class CubeWorld:
     """What `run_sim_cell` asks of a world; its camera sees a wall, since nothing here needs pictures."""
 
-    object_names = ("red_cube",)
     cameras = (SimpleNamespace(name="front"),)
 
     def __init__(self, wall: bool = False) -> None:
@@ -43,12 +42,12 @@ class CubeWorld:
         lens = CameraIntrinsics(32, 24, 30.0, 30.0, 15.5, 11.5)
         return np.zeros((24, 32, 3), np.uint8), np.ones((24, 32), np.float32), np.eye(4), lens
 
-    def object_pose(self, name: str) -> np.ndarray:
-        """World pose, shape (4, 4)."""
+    def truth(self) -> CellTruth:
+        """The cube, as if it were at rest."""
         pose = np.eye(4)
-        pose[:3, 3] = self.data.body(name).xpos
-        pose[:3, :3] = self.data.body(name).xmat.reshape(3, 3)
-        return pose
+        pose[:3, 3] = self.data.body("red_cube").xpos
+        pose[:3, :3] = self.data.body("red_cube").xmat.reshape(3, 3)
+        return CellTruth({"red_cube": StandingThing("red_cube", pose, np.full(3, CUBE), np.zeros(6), False)}, {})
 
     def frame_truth(self, camera_name: str) -> FrameTruth:
         """Nothing: the wall hides it."""

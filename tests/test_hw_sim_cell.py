@@ -42,11 +42,13 @@ def robot() -> Iterator[SimProcess]:
 
 def test_a_cube_is_picked_up_and_put_down_over_the_wire(robot: SimProcess, pick: Trajectory):
     with CellClient.connect(robot.endpoint) as client:
-        before = client.truth()["red_cube"][:3, 3]
+        before = client.truth().poses["red_cube"][:3, 3]
         heights: list[float] = []
-        report = client.execute(pick, certificate(pick), lambda _: heights.append(client.truth()["red_cube"][2, 3]))
+        report = client.execute(
+            pick, certificate(pick), lambda _: heights.append(client.truth().poses["red_cube"][2, 3])
+        )
         assert report.completed, report.detail
-        after = client.truth()["red_cube"][:3, 3]
+        after = client.truth().poses["red_cube"][:3, 3]
         assert max(heights) > before[2] + 0.10
         np.testing.assert_allclose(after, before, atol=0.005)
         assert not report.final_state.grasped

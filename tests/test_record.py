@@ -76,7 +76,7 @@ def test_a_recorded_cell_gives_back_its_frames_and_their_truth(tmp_path, seen, d
 
 
 def test_the_truth_of_a_picture_agrees_with_the_pictures_depth_and_with_the_true_poses(cell, seen):
-    poses = cell.truth()
+    poses = cell.truth().poses
     for frame, truth in seen:
         assert {o.name for o in truth.objects} == {"red_cube", "yellow_cube", "crate"}
         for o in truth.objects:
