@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.other_words import Row, run_apart, summary
 from benchmarks.other_words_goals import CELLS, GOALS, Ending, WordGoal, at, fulfilled, inside, on, opened
 from perception.ground_truth import CellTruth
 from sim_check.cells import builtin_cells, load_cell
@@ -135,3 +136,25 @@ def test_a_question_needs_the_true_answer_and_a_look_behind_the_door(name, joint
     assert fulfilled(goal, Ending(True, right, before, after))[0]
     assert not fulfilled(goal, Ending(True, wrong, before, after))[0]
     assert not fulfilled(goal, Ending(True, right, before, before))[0]
+
+
+def test_a_run_that_takes_too_long_is_ended_and_counts_as_neither_understood_nor_done(tmp_path):
+    row = run_apart("oven_door", tmp_path, limit=0.2)
+    assert (row.parsed, row.planned, row.done, row.folder) == (False, False, False, "")
+    assert row.reason.startswith("not finished after 0.2 s")
+
+
+def test_the_stage_at_which_a_goal_went_wrong_is_the_first_that_was_not_passed():
+    row = Row("polite", True, True, False, 1.0, "", "")
+    assert row.ended_at == "carrying out"
+    assert replace(row, planned=False).ended_at == "planning"
+    assert replace(row, parsed=False, planned=False).ended_at == "parsing"
+    assert replace(row, done=True).ended_at == "done"
+    assert summary([row, replace(row, done=True)]) | {"rows": []} == {
+        "written": "2026-11-26",
+        "goals": 2,
+        "parsed": 2,
+        "planned": 2,
+        "done": 1,
+        "rows": [],
+    }
