@@ -111,7 +111,9 @@ class _OneShot:
     def _look(self, action: str, queue: list[str]) -> tuple[FailureCause | None, SceneEstimate, str]:
         trial = self._trial
         scene = trial.sight.look()
-        seen = self._perceiver.observe(trial.goal, self._plan.steps, action, scene, self._pictures())
+        seen = self._perceiver.observe(
+            trial.goal, self._plan.steps, action, scene, trial.joints(scene), self._pictures()
+        )
         self._observations += [o for o in seen if o not in self._observations]
         fields = {"plan": self._plan.steps, "action": action, "observations": seen}
         done, remaining = self._asker.ask("action_completed", fields, parse_completion)

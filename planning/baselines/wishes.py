@@ -39,7 +39,7 @@ def read_wishes(goal: str, scene: SceneEstimate, furniture: Mapping[str, KnownFu
         UnplannableError: A name that is not in view or not unique, or a wish that no symbol stands for.
     """
     away = distances(scene, furniture)
-    return tuple(wish_of(clause, scene, furniture, away) for clause in parse_goal(goal))
+    return tuple(wish_of(clause, scene, furniture, away) for clause in parse_goal(goal).clauses)
 
 
 def goal_of(wishes: tuple[Wish, ...]) -> State:
