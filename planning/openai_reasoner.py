@@ -88,6 +88,23 @@ class OpenAIReasoner:
         self._complete({"messages": messages, "limit": 16})
         self._log("server_checked", reasoner=self.name, seconds=round(time.monotonic() - started, 3))
 
+    def models(self) -> list[str]:
+        """Names of the models that the server lists; none from a server that keeps no list.
+
+        Raises:
+            ReasonerError: No server there, or it refuses the key.
+        """
+        try:
+            return self._list_models()
+        except self._openai.APIStatusError as error:
+            if error.status_code in (401, 403):
+                raise self._explained(error, 1) from None
+            return []
+        except self._openai.APIConnectionError as error:
+            raise self._explained(error, 1) from None
+        except (self._openai.OpenAIError, ValueError, AttributeError, TypeError):
+            return []
+
     def answer(self, contract: str, prompt: str, fields: Mapping[str, Any], images: Sequence[Any] = ()) -> str:
         """See `planning.reasoner.Reasoner`; the fields are not used.
 
@@ -219,10 +236,16 @@ class OpenAIReasoner:
     # -- faults in words ---------------------------------------------------------------------------------------------
 
     def _told(self, error: BaseException) -> str:
-        """A fault as the client tells it: one line, and never with the key in it."""
+        """A fault as the server or the client tells it: one line, and never with the key in it."""
         if isinstance(error, self._openai.APIConnectionError) and error.__cause__ is not None:
             error = error.__cause__  # the client itself only says that there was an error
-        text = " ".join(str(error).split()) or type(error).__name__
+        text = str(error) or type(error).__name__
+        if isinstance(error, self._openai.APIStatusError):
+            # The client's own text leaves out what servers put elsewhere than in the protocol's `error.message`.
+            body = error.body if isinstance(error.body, Mapping) else {}
+            said = body.get("message") or body.get("detail") or error.response.text
+            text = f"status {error.status_code}: {said}" if said else f"status {error.status_code}"
+        text = " ".join(text.split())
         if self._key:
             text = text.replace(self._key, "(key)")
         return text[:300]
@@ -265,9 +288,7 @@ class OpenAIReasoner:
                 "model or key"
             )
         if status >= 500:
-            return ReasonerError(
-                f"the language server at {o.url} failed with status {status}{again} ({told}); look at its log"
-            )
+            return ReasonerError(f"the language server at {o.url} failed{again} ({told}); look at its log")
         return ReasonerError(
             f"the language server at {o.url} refused the request for '{o.model}' ({told}); {self._offered()}"
         )
@@ -275,12 +296,15 @@ class OpenAIReasoner:
     def _offered(self) -> str:
         """Which models the server names, for a message; it need not name any."""
         try:
-            names = [m.id for m in self._client.models.list(timeout=min(5.0, self.options.timeout)).data][:10]
-        except (self._openai.OpenAIError, AttributeError, TypeError):
+            names = self._list_models()[:10]
+        except (self._openai.OpenAIError, ValueError, AttributeError, TypeError):
             names = []
         there = f"it offers {', '.join(names)}; " if names else ""
         option = self.options.option
         return f"{there}name one that it has with --{option}-model, and the address with --{option}-url"
+
+    def _list_models(self) -> list[str]:
+        return [m.id for m in self._client.models.list(timeout=min(5.0, self.options.timeout)).data]
 
 
 def _nobody_there(error: BaseException) -> bool:

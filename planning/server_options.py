@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from typing import Literal
+from urllib.parse import urlsplit
 
 from control.errors import ConfigError
 
@@ -42,6 +43,11 @@ class ServerOptions:
     def __post_init__(self) -> None:
         if not self.url.startswith(("http://", "https://")):
             raise ConfigError(f"'{self.url}' is no address of a server; it begins with http://, like {EXAMPLE_URLS}")
+        if "@" in urlsplit(self.url).netloc:
+            raise ConfigError(
+                "the address of a language server must not hold a key or password: it stands in every report; put the "
+                "key into an environment variable and name that with --reasoner-key-variable"
+            )
         for name, low in (("timeout", 0.0), ("tries", 0), ("max_tokens", 0), ("picture_size", 0)):
             if not getattr(self, name) > low:
                 raise ConfigError(f"{name} of a language server must be above {low:g}, not {getattr(self, name):g}")

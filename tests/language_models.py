@@ -11,6 +11,7 @@ TEMPLATE = (
     "</s>\n{% endfor %}{% if add_generation_prompt %}<s>assistant: {% endif %}"
 )
 SPECIAL = ("<pad>", "<s>", "</s>", "<unk>", "<image>")
+PATCHES = 4  # tokens that a picture is to the tiny vision model
 LONGEST = 4096  # tokens of question and answer; a token is a byte
 
 
@@ -40,13 +41,60 @@ def tiny_tokenizer(template: str | None = TEMPLATE):
 def save_tiny_chat_model(folder: Path, template: str | None = TEMPLATE) -> None:
     """A Llama of some ten thousand weights that answers nonsense."""
     torch = load_package("torch")
-    from transformers import LlamaConfig, LlamaForCausalLM
+    from transformers import LlamaForCausalLM
 
     torch.manual_seed(0)
     tokenizer = tiny_tokenizer(template)
     tokenizer.save_pretrained(folder)
-    config = LlamaConfig(
-        vocab_size=len(tokenizer),
+    LlamaForCausalLM(_llama_config(len(tokenizer))).save_pretrained(folder)
+
+
+def save_tiny_vision_model(folder: Path) -> None:
+    """A Llava of as many weights, to which a picture of any size is 2 x 2 patches."""
+    torch = load_package("torch")
+    from transformers import (
+        CLIPImageProcessor,
+        CLIPVisionConfig,
+        LlavaConfig,
+        LlavaForConditionalGeneration,
+        LlavaProcessor,
+    )
+
+    torch.manual_seed(0)
+    tokenizer = tiny_tokenizer()
+    sees = CLIPVisionConfig(
+        hidden_size=16,
+        intermediate_size=32,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        image_size=28,
+        patch_size=14,
+        projection_dim=16,
+    )
+    config = LlavaConfig(
+        vision_config=sees,
+        text_config=_llama_config(len(tokenizer)),
+        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+        vision_feature_layer=-1,
+        image_seq_length=PATCHES,
+    )
+    LlavaForConditionalGeneration(config).save_pretrained(folder)
+    pictures = CLIPImageProcessor(size={"shortest_edge": 28}, crop_size={"height": 28, "width": 28})
+    LlavaProcessor(
+        pictures,
+        tokenizer,
+        patch_size=14,
+        vision_feature_select_strategy="default",
+        num_additional_image_tokens=1,
+        chat_template=TEMPLATE,
+    ).save_pretrained(folder)
+
+
+def _llama_config(vocabulary: int):
+    from transformers import LlamaConfig
+
+    return LlamaConfig(
+        vocab_size=vocabulary,
         hidden_size=16,
         intermediate_size=32,
         num_hidden_layers=1,
@@ -57,4 +105,3 @@ def save_tiny_chat_model(folder: Path, template: str | None = TEMPLATE) -> None:
         bos_token_id=1,
         eos_token_id=2,
     )
-    LlamaForCausalLM(config).save_pretrained(folder)

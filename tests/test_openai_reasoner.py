@@ -262,9 +262,9 @@ def test_an_address_that_is_not_the_protocols_is_told(server):
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        (Status(429, "slow down"), "takes no more requests in 3 tries (Error code: 429"),
-        (Status(500, "out of memory"), "failed with status 500 in 3 tries (Error code: 500"),
-        (Status(503, "loading"), "failed with status 503 in 3 tries"),
+        (Status(429, "slow down"), "takes no more requests in 3 tries (status 429: slow down); wait"),
+        (Status(500, "out of memory"), "failed in 3 tries (status 500: out of memory); look at its log"),
+        (Status(503, "loading"), "failed in 3 tries (status 503: loading)"),
         (BreakOff(), "broke off in 3 tries"),
     ],
 )
@@ -301,6 +301,12 @@ def test_any_other_refusal_is_told_in_the_servers_words(server):
     server.refuse = {"messages": "this prompt is longer than the context of 4096"}
     told = fault_of(reasoner(server))
     assert f"refused the request for '{MODEL}'" in told and "longer than the context of 4096" in told
+
+
+def test_a_key_in_the_address_is_refused_and_not_shown():
+    with pytest.raises(ConfigError, match="must not hold a key or password") as caught:
+        ServerOptions("https://me:secret@example.org/v1", MODEL)
+    assert "secret" not in str(caught.value)
 
 
 def test_bounds_of_a_server_are_checked_early():

@@ -1,12 +1,13 @@
 """Language models in this process: loaded from a folder, asked with their template, and faults told in one line."""
 
+import numpy as np
 import pytest
 
 from control.errors import ConfigError, ReasonerError
 from planning.answers import UnusableAnswerError
 from planning.reasoner import Asker
 from planning.transformers_reasoner import LocalModelOptions, TransformersReasoner
-from tests.language_models import LONGEST, save_tiny_chat_model
+from tests.language_models import LONGEST, PATCHES, save_tiny_chat_model, save_tiny_vision_model
 from tests.symbolic_world import Journal
 
 
@@ -72,6 +73,20 @@ def test_pictures_are_kept_from_a_model_without_eyes(folder):
             backend.answer("perceive_object", "Is it there?", {}, pictures)
         lengths.append(backend.usage.tokens_in)
     assert lengths[0] == lengths[1]
+
+
+def test_a_model_with_eyes_is_shown_the_pictures(tmp_path):
+    save_tiny_vision_model(tmp_path / "eyes")
+    log = Journal()
+    backend = TransformersReasoner(options(tmp_path / "eyes"), log)
+    assert log.of("model_loaded")[0]["pictures"]
+    picture = np.zeros((60, 90, 3), np.uint8)
+    lengths = []
+    for pictures in ((), (picture,), (picture, picture)):
+        with pytest.raises(UnusableAnswerError):
+            backend.answer("perceive_object", "Is it there?", {}, pictures)
+        lengths.append(backend.usage.tokens_in)
+    assert [n - lengths[0] for n in lengths] == [0, PATCHES, 2 * PATCHES]
 
 
 def test_missing_models_and_broken_ones_are_told_early(folder, tmp_path):
