@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from control.errors import ConfigError, GoalError
 from perception.options import PerceptionOptions
+from planning.reasoners import ReasonerOptions
 from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class RunOptions:
     detector: str = "default"
     segmenter: str = "default"
     perception: PerceptionOptions = field(default_factory=PerceptionOptions)
-    reasoner: str = "builtin"
+    reasoner: ReasonerOptions = field(default_factory=ReasonerOptions)
     runs_dir: Path = Path("runs")
     video: bool = True
     strip: bool = True
@@ -62,6 +63,9 @@ class RunReport:
         actions: Every step that was tried, in order.
         seconds_by_part: Wall time in [s] by `replan.stopwatch.PARTS`; they add up to `seconds`.
         reasoner, detector: Which backends answered and saw, plainly named.
+        questions: Answers asked for, repeated ones included.
+        tokens: Of language models, asked and answered; 0 for rules.
+        cost: Of these tokens, in the currency of the prices that were given; 0 without prices.
         folder: The run's folder.
         exit_code: Of the command.
     """
@@ -76,6 +80,9 @@ class RunReport:
     seconds_by_part: dict["Part", float]
     reasoner: str
     detector: str
+    questions: int
+    tokens: int
+    cost: float
     folder: Path
     exit_code: int
 
@@ -96,10 +103,12 @@ class RunReport:
     def as_text(self) -> str:
         """For people."""
         word = "reached" if self.reached else "NOT reached"
+        asked = f"{self.questions} questions" + (f", {self.tokens} tokens" if self.tokens else "")
+        asked += f", cost {self.cost:.4g}" if self.cost else ""
         return (
             f"goal {word}: {self.reason}\n"
             f"  {self.motions} motions, {self.replans} replans, {self.seconds:.1f} s, {self.steps} simulated steps\n"
-            f"  reasoner: {self.reasoner}; perception: {self.detector}\n"
+            f"  reasoner: {self.reasoner} ({asked}); perception: {self.detector}\n"
             f"  record: {self.folder}"
         )
 
@@ -118,6 +127,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
 
     Raises:
         GoalError, ConfigError: The goal or the configuration cannot be used; nothing moved.
+        ReasonerError: The language backend is not there, or gave no usable plan.
         RobotGoneError: The robot's process died or froze.
         KeyboardInterrupt: After the arm has come to rest.
     """
@@ -165,9 +175,10 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
 
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
-    from planning.builtin import BuiltinReasoner
     from planning.furnishings import known_furniture
     from planning.loop import run_loop
+    from planning.reasoners import make_reasoners, reasoner_names
+    from planning.usage import UsageLog
     from replan.episode import Episode
     from replan.eyes import CameraEyes
     from replan.film import Film
@@ -180,15 +191,18 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     perception = perception_from_options(
         options.detector, options.segmenter, options.perception, known_models(cell.furniture)
     )
-    reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
     film = Film()
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options, say)
         limits = cell.robot.limits()
-        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
+        episode.log("run", options=options, cell=cell, limits=limits)
+        counting = UsageLog(episode.log)
         try:
+            reasoner, by_role = make_reasoners(options.reasoner, options.seed, episode.log, stack, say)
+            answered_by = reasoner_names(reasoner, by_role)
+            episode.log("parts", reasoner=answered_by, perception=perception.name)
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
             if options.motion_speed is not None:
@@ -209,9 +223,10 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 judge=SeenJudge(hands.palm_position, hands.rest_palm_position, cell.furniture),
                 furniture=known_furniture(cell.furniture),
                 known_names=cell.objects,
-                log=episode.log,
+                log=counting,
                 say=say,
                 pictures=lambda: eyes.pictures,
+                by_role=by_role,
             )
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:
@@ -219,6 +234,9 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
         except BaseException as error:
             episode.log("ended_early", error=type(error).__name__, reason=str(error))
             raise
+        finally:
+            episode.log("reasoner_usage", by_contract=counting.as_rows(), total=counting.total())
+        taken = counting.total()
         report = RunReport(
             reached=result.reached,
             reason=result.reason,
@@ -228,8 +246,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             replans=result.replans,
             actions=result.steps,
             seconds_by_part=by_part,
-            reasoner=reasoner.name,
+            reasoner=answered_by,
             detector=perception.name,
+            questions=taken.questions,
+            tokens=taken.tokens_in + taken.tokens_out,
+            cost=taken.cost,
             folder=episode.folder,
             exit_code=DONE if result.reached else NOT_REACHED,
         )

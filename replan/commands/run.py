@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from replan.commands.perception_flags import PerceptionFlags
+from replan.commands.reasoner_flags import ReasonerFlags
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -39,8 +40,8 @@ class Run:
     path. Stays set on the robot; `replan robot speed` changes it while it moves. Default: as the robot is set."""
     perception: tyro.conf.OmitArgPrefixes[PerceptionFlags] = field(default_factory=PerceptionFlags)
     """How things are found in pictures."""
-    reasoner: Literal["builtin"] = "builtin"
-    """Language backend; `builtin` is rules, without network."""
+    language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
+    """Who answers the questions of planning."""
     runs_dir: Path = Path("runs")
     """Where run folders are made."""
     video: bool = True
@@ -68,7 +69,7 @@ class Run:
                 detector=self.perception.detector,
                 segmenter=self.perception.segmenter,
                 perception=self.perception.options(),
-                reasoner=self.reasoner,
+                reasoner=self.language.options(self.perception.offline),
                 runs_dir=self.runs_dir,
                 video=self.video,
                 acknowledge=self.acknowledge,
