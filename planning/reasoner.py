@@ -73,6 +73,7 @@ class Asker:
         parse: Callable[[str], T],
         images: Sequence[Any] = (),
         complaint: str | None = None,
+        always_show: bool = False,
     ) -> T:
         """Ask until the answer has its form.
 
@@ -82,6 +83,7 @@ class Asker:
             parse: Reads the answer; raises MalformedAnswerError with a reason that is sent back.
             images: Latest pictures; withheld from contracts that need none.
             complaint: Why an earlier answer, well-formed by itself, could not be used.
+            always_show: Whether the pictures go along even where the contract needs none.
 
         Raises:
             ReasonerError: No usable answer within the allowed tries, or the backend failed.
@@ -89,7 +91,7 @@ class Asker:
         """
         reasoner = self._by_role.get(contract(name).role, self._reasoner)
         first_prompt = render(name, fields)
-        shown = images if contract(name).needs_image else ()
+        shown = images if always_show or contract(name).needs_image else ()
         reason = complaint
         for k in range(1, self.tries + 1):
             prompt = first_prompt if reason is None else first_prompt + _again(reason)

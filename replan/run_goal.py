@@ -166,6 +166,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.builtin import BuiltinReasoner
+    from planning.furnishings import known_furniture
     from planning.loop import run_loop
     from replan.episode import Episode
     from replan.eyes import CameraEyes
@@ -205,7 +206,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 reasoner=reasoner,
                 eyes=eyes,
                 hands=hands,
-                judge=SeenJudge(hands.palm_position, hands.rest_palm_position),
+                judge=SeenJudge(hands.palm_position, hands.rest_palm_position, cell.furniture),
+                furniture=known_furniture(cell.furniture),
                 known_names=cell.objects,
                 log=episode.log,
                 say=say,

@@ -1,0 +1,49 @@
+"""What the loop is compared with, made of the same parts: the same eyes, hands and judge, the same prompts and parsers.
+
+Each method is a function with the loop's inputs and result; `METHODS` names them all, the loop first.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from planning.results import GoalResult
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way of reaching a goal.
+
+    Attributes:
+        what: In a few words, for help texts and reports.
+        module, function: Where it is; imported when it is first used, for some need what others do not.
+        symbolic: Whether it plans with symbols, and so can be told facts (`told`) and writes its problem down (`keep`).
+    """
+
+    what: str
+    module: str
+    function: str
+    symbolic: bool = False
+
+    def run(self, goal: str, **parts: Any) -> GoalResult:
+        """Reach a goal, or say why not; see the function for its arguments and errors."""
+        return getattr(import_module(self.module), self.function)(goal, **parts)
+
+
+METHODS: Mapping[str, Method] = {
+    "replan": Method("the loop: plan, rewards, motion, diagnosis, replanning", "planning.loop", "run_loop"),
+    "language-to-rewards": Method(
+        "one reward program for the whole goal, one motion",
+        "planning.baselines.language_to_rewards",
+        "run_language_to_rewards",
+    ),
+    "one-shot-plan": Method(
+        "one plan from the picture, no verifier, no replanning",
+        "planning.baselines.one_shot_plan",
+        "run_one_shot_plan",
+    ),
+    "pddl": Method(
+        "a classical planner on what is seen and told", "planning.baselines.pddl", "run_pddl", symbolic=True
+    ),
+}

@@ -1,0 +1,138 @@
+"""What all baselines share: names to look for, motions that are played and judged once, and the result."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from control.errors import GoalError, RefusedError, RewardSpecError, UnknownObjectError
+from control.failure import FailureCause
+from control.rewards import RewardSpec, RewardTerm
+from perception.estimates import SceneEstimate
+from planning.answers import Plan
+from planning.furnishings import KnownFurniture
+from planning.interfaces import Eyes, Hands, Judge
+from planning.reasoner import Log
+from planning.results import GoalResult, StepRecord
+from planning.sight import Sight
+
+
+class Trial:
+    """One run of a baseline: looks, plays, judges and keeps count; it never tries anything twice.
+
+    Args:
+        goal: In plain language.
+        eyes, hands, judge: The world, see `planning.interfaces`.
+        known_names: Names that the cell says may be there.
+        furniture: What is known of the cell's furniture, by name; looked for as well.
+        log: Gets the same events as the loop's.
+        say: Gets a line of progress for people at a time.
+
+    Attributes:
+        sight: Looks for the names.
+        plans, steps: What was planned and tried so far.
+
+    Raises:
+        GoalError: The goal is empty.
+    """
+
+    def __init__(
+        self,
+        goal: str,
+        eyes: Eyes,
+        hands: Hands,
+        judge: Judge,
+        known_names: Sequence[str],
+        furniture: Mapping[str, KnownFurniture],
+        log: Log,
+        say: Callable[[str], None],
+    ) -> None:
+        if not goal.strip():
+            raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
+        self.goal = goal
+        self.hands = hands
+        self.log = log
+        self.say = say
+        self._judge = judge
+        self._furniture = furniture
+        self.sight = Sight(goal, tuple(dict.fromkeys((*known_names, *furniture))), eyes, log)
+        self.plans: list[Plan] = []
+        self.steps: list[StepRecord] = []
+
+    def joints(self, scene: SceneEstimate) -> tuple[str, ...]:
+        """Joints of the furniture in view."""
+        return tuple(j.name for name, f in self._furniture.items() if scene.get(name) for j in f.joints)
+
+    def planned(self, plan: Plan) -> Plan:
+        """Note a plan."""
+        self.plans.append(plan)
+        self.log("plan", thought=plan.thought, steps=plan.steps)
+        self.say(f"plan: {'; '.join(plan.steps) or 'none'} ({plan.thought})")
+        return plan
+
+    def motion(
+        self, action: str, spec: RewardSpec, scene: SceneEstimate
+    ) -> tuple[FailureCause | None, SceneEstimate, str]:
+        """Attempt a spec once, look, and judge its primary term on what is seen.
+
+        Returns:
+            Why it failed (None if it did not), the latest look, and what was seen, in a sentence.
+        """
+        cause = self.attempted(spec, scene)
+        latest = self.sight.look()
+        text = "" if cause is None else cause.message
+        if cause is None:
+            cause, text = self.judged(spec.primary, latest, scene)
+        self.done(action, cause)
+        return cause, latest, text
+
+    def attempted(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
+        """One attempt of the hands; why nothing was played to its end, or None."""
+        subject = spec.primary.subject
+        try:
+            result = self.hands.attempt(spec, scene)
+        except RefusedError as error:
+            return FailureCause("refused_by_robot", subject, str(error), check=error.code)
+        except UnknownObjectError as error:
+            return FailureCause("not_seen", subject, str(error))
+        except RewardSpecError as error:
+            return FailureCause("reasoner_error", subject, str(error))
+        self.log("attempt", ok=result.ok, cause=result.cause, stats=result.stats)
+        if result.ok:
+            return None
+        return result.cause or FailureCause("not_achieved", subject, "the motion failed without a cause")
+
+    def judged(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate) -> tuple[FailureCause | None, str]:
+        """Why a term is not seen to be met (None if it is), and what is seen, in a sentence."""
+        try:
+            judgement = self._judge(term, scene, before)
+        except UnknownObjectError as error:
+            return FailureCause("not_seen", term.subject, str(error)), str(error)
+        self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
+        self.say(f"seen: {judgement.text}" + ("" if judgement.met else " (not what was wanted)"))
+        if judgement.met:
+            return None, judgement.text
+        evidence = {"residual": judgement.residual}
+        return FailureCause("not_achieved", term.subject, judgement.text, evidence=evidence), judgement.text
+
+    def done(self, action: str, cause: FailureCause | None, kind: str = "hands") -> None:
+        """Note a step that was tried."""
+        self.steps.append(StepRecord(action, kind, cause is None, cause))
+        if cause is not None:
+            self.log("step_failed", action=action, cause=cause)
+            self.say(f"failed: {cause.kind}: {cause.message}")
+
+    def missing_sentence(self, scene: SceneEstimate) -> str:
+        """What the goal speaks of and is not in view, for people; "" when all is there."""
+        return self.sight.missing_sentence(scene) if self.sight.missing(scene) else ""
+
+    def result(self, reached: bool, reason: str, scene: SceneEstimate, causes: Iterable[FailureCause] = ()):
+        """How the run ended.
+
+        Args:
+            reached: Whether the goal is seen to hold.
+            reason: One sentence for people.
+            scene: What was seen last.
+            causes: Causes besides those of the steps tried.
+        """
+        of_steps = tuple(s.cause for s in self.steps if s.cause is not None)
+        result = GoalResult(reached, reason, tuple(self.plans), tuple(self.steps), 0, (*causes, *of_steps), scene)
+        self.log("goal_result", reached=reached, reason=reason, replans=0, causes=result.causes)
+        return result

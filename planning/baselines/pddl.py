@@ -1,0 +1,132 @@
+"""A classical planner: the perceived scene as PDDL, one plan, each action a reward spec, no replanning.
+
+It knows what perception and the cell file know (what stands where, which doors are closed) and nothing that is hidden:
+a bolt, or what a bar behind handles does, is in the domain only when it was told.
+"""
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from control.errors import GoalError
+from control.failure import FailureCause
+from perception.estimates import SceneEstimate
+from planning.answers import Plan
+from planning.baselines.common import Trial
+from planning.baselines.domain import distances, sentence, spec_of, symbolic_problem
+from planning.baselines.pddl_text import write_pddl
+from planning.baselines.solver import PLANNER, NoPlanError, solve_files
+from planning.baselines.strips import Action, SymbolicProblem
+from planning.baselines.told import read_told
+from planning.baselines.wishes import UnplannableError, Wish, goal_of, lasting, read_wishes
+from planning.furnishings import KnownFurniture
+from planning.interfaces import Eyes, Hands, Judge
+from planning.reasoner import Log, Reasoner
+from planning.results import GoalResult, LoopSettings
+from prompts.contracts import Role
+
+SOLVER_SECONDS = 60.0  # [s]
+
+
+def run_pddl(
+    goal: str,
+    *,
+    reasoner: Reasoner,
+    eyes: Eyes,
+    hands: Hands,
+    judge: Judge,
+    known_names: Sequence[str],
+    furniture: Mapping[str, KnownFurniture],
+    log: Log,
+    say: Callable[[str], None] = lambda text: None,
+    pictures: Callable[[], Sequence[Any]] = lambda: (),
+    settings: LoopSettings | None = None,
+    by_role: Mapping[Role, Reasoner] | None = None,
+    told: Sequence[str] = (),
+    keep: Callable[[str, str], None] = lambda name, text: None,
+    solver_seconds: float = SOLVER_SECONDS,
+) -> GoalResult:
+    """Reach a goal by one symbolic plan, or say why not.
+
+    Args:
+        goal: In the small language of goals (`planning.goal_language`).
+        reasoner, pictures, settings, by_role: Not used: no language model is asked.
+        eyes, hands, judge, known_names, log, say: As for the loop.
+        furniture: What is known of the cell's furniture, by name.
+        told: What no camera sees, in the form of `planning.baselines.told`.
+        keep: Keeps a text as a file of the run, by its name.
+        solver_seconds: Wall time in [s] for the planner.
+
+    Raises:
+        GoalError: The goal is empty.
+        ConfigError: A told fact cannot be read.
+        MachineError: The planner is not installed.
+        PerceptionError: Nothing can be seen.
+        RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
+    """
+    trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
+    facts = read_told(told, furniture, trial.sight.names)
+    first = trial.sight.look()
+    try:
+        wishes = read_wishes(goal, first, furniture)
+        symbols = symbolic_problem(first, furniture, facts, goal_of(wishes))
+        actions = _plan(symbols, log, keep, solver_seconds) if symbols.goal else ()
+    except (GoalError, UnplannableError, NoPlanError) as error:
+        return trial.result(False, str(error), first)
+    trial.planned(Plan("a shortest sequence, by what is seen and told", tuple(sentence(a) for a in actions)))
+    scene, away = first, distances(first, furniture)
+    for action in actions:
+        spec = spec_of(action.skill, away)
+        if spec is None:
+            scene = trial.sight.look()
+            trial.done(sentence(action), None, kind="eyes")
+            continue
+        trial.say(f"step: {sentence(action)}")
+        cause, scene, text = trial.motion(sentence(action), spec, scene)
+        if cause is not None:
+            return trial.result(False, f"'{sentence(action)}' failed: {text}", scene)
+    return judged_goal(trial, wishes, scene, first)
+
+
+def judged_goal(trial: Trial, wishes: tuple[Wish, ...], scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
+    """The end of a symbolic plan that was carried out: what of the goal is seen to hold.
+
+    Args:
+        trial: The run.
+        wishes: Of the goal.
+        scene: What is seen now.
+        first: What was seen at first.
+    """
+    seen: list[str] = []
+    failed: list[tuple[FailureCause, str]] = []
+    for term in (t for w in lasting(wishes) for t in w.terms):
+        cause, text = trial.judged(term, scene, first)
+        seen.append(text)
+        if cause is not None:
+            failed.append((cause, text))
+    if failed:
+        return trial.result(False, "; ".join(text for _, text in failed), scene, [cause for cause, _ in failed])
+    return trial.result(True, "; ".join(seen or [w.text for w in wishes]), scene)
+
+
+def _plan(symbols: SymbolicProblem, log: Log, keep: Callable[[str, str], None], seconds: float) -> tuple[Action, ...]:
+    """Write the problem down, solve it, and read the plan.
+
+    Raises:
+        NoPlanError: There is none, or the time was up.
+    """
+    text = write_pddl(symbols, "scene")
+    log("pddl", domain=text.domain, problem=text.problem)
+    keep("domain.pddl", text.domain)
+    keep("problem.pddl", text.problem)
+    with tempfile.TemporaryDirectory() as folder:
+        domain, problem = Path(folder) / "domain.pddl", Path(folder) / "problem.pddl"
+        domain.write_text(text.domain)
+        problem.write_text(text.problem)
+        steps = solve_files(domain, problem, seconds)
+    log("solved", planner=PLANNER, plan=steps)
+    return tuple(
+        symbols.action(text.originals.get(name, name), [text.originals.get(a, a) for a in arguments])
+        for name, arguments in steps
+    )

@@ -1,0 +1,49 @@
+"""Hands that can say what a motion would lead to before anything moves."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from control.failure import FailureCause
+from control.rewards import RewardSpec
+from perception.estimates import SceneEstimate
+from planning.interfaces import AttemptResult, Hands
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """A motion that was found and judged, and not played.
+
+    Attributes:
+        scene: What would be seen after it, as far as can be told: things where the motion puts them, joints where it
+            drives them, all else where it was seen.
+        motion: The hands' own; only they read it.
+    """
+
+    scene: SceneEstimate
+    motion: Any
+
+
+class RehearsingHands(Hands, Protocol):
+    """Hands with a rehearsal."""
+
+    def rehearse(
+        self, spec: RewardSpec, scene: SceneEstimate, after: Rehearsal | None = None
+    ) -> Rehearsal | FailureCause:
+        """Find and judge a motion as `attempt` does, and play nothing.
+
+        Args:
+            spec: What to achieve.
+            scene: What was seen, or what a rehearsal says will be.
+            after: The rehearsal that this one follows: the arm starts where that one ends. None starts where the
+                robot is.
+        """
+        ...
+
+    def play(self, rehearsal: Rehearsal) -> AttemptResult:
+        """Play exactly the motion that was rehearsed.
+
+        Raises:
+            RefusedError: The driver refused the motion.
+            RobotGoneError, StoppedError: The run cannot go on.
+        """
+        ...
