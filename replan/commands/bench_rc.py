@@ -46,7 +46,7 @@ class BenchRc:
     """K/N: the Kth of N equal parts of the list, for N machines that do not know of each other."""
     folder: Path = Path("runs/rc")
     """Where everything is kept."""
-    time_limit: float = 600.0
+    time_limit: float = 900.0
     """Longest wall time of one episode in seconds; a longer one is ended and counts as failed."""
     report_only: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Run nothing; count what the folder holds and write its report."""

@@ -26,7 +26,7 @@ class RcOptions:
     reasoner: str = "builtin"
     detector: str = "default"
     segmenter: str = "default"
-    time_limit_s: float = 600.0
+    time_limit_s: float = 900.0
 
 
 @dataclass(frozen=True)
