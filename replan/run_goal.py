@@ -138,7 +138,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
             f"--motion-speed {options.motion_speed:g} is not valid; it must be above 0 and at most 1 (the speed that "
             "motions are judged at)"
         )
-    _check_variant(options)
+    check_variant(options)
     from replan.rendering import require_mujoco
     from sim_check.cells import load_cell
 
@@ -151,7 +151,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
         return _run(options, cell, endpoint, say, on_client)
 
 
-def _check_variant(options: RunOptions) -> None:
+def check_variant(options: RunOptions) -> None:
     """Refuse variants of the method that this program does not have.
 
     Raises:
