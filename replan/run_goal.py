@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from control.errors import ConfigError, GoalError
 from perception.options import PerceptionOptions
+from planning.baselines import METHODS
 from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class RunOptions:
     score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
     without: tuple[str, ...] = ()  # parts of the method that are left out: verifier, perceiver, replan
     method: str = "replan"  # how a goal becomes motions: the method itself, or a baseline that it is compared with
+    told: tuple[str, ...] = ()  # facts for a method that plans with symbols
     poses: Literal["seen", "true"] = "seen"  # "true": of what is in view, from a cell that is scored (benchmarks only)
     answer_noise: float = 0.0  # share of the reasoner's answers that are spoiled
 
@@ -149,8 +151,11 @@ def _check_variant(options: RunOptions) -> None:
     """
     if options.without:
         raise ConfigError(f"the method cannot be run without {', '.join(options.without)}; leave `without` empty")
-    if options.method != "replan":
-        raise ConfigError(f"there is no method '{options.method}'; there is: replan")
+    if options.method not in METHODS:
+        raise ConfigError(f"there is no method '{options.method}'; there are: {', '.join(METHODS)}")
+    if options.told and not METHODS[options.method].symbolic:
+        able = ", ".join(name for name, method in METHODS.items() if method.symbolic)
+        raise ConfigError(f"the method '{options.method}' cannot be told facts (--told); these can: {able}")
     if options.answer_noise != 0.0:
         raise ConfigError(f"answer_noise {options.answer_noise:g} is not available; it must be 0")
     if options.poses not in ("seen", "true"):
@@ -166,7 +171,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.builtin import BuiltinReasoner
-    from planning.loop import run_loop
+    from planning.furnishings import known_furniture
     from replan.episode import Episode
     from replan.eyes import CameraEyes
     from replan.film import Film
@@ -200,7 +205,12 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
             eyes = CameraEyes(client, perception, episode, film, say, watch)
             started = time.monotonic()
-            result = run_loop(
+            parts: dict[str, Any] = {}
+            if options.method != "replan":
+                parts["furniture"] = known_furniture(cell.furniture)
+            if METHODS[options.method].symbolic:
+                parts |= {"told": options.told, "keep": episode.keep}
+            result = METHODS[options.method].run(
                 options.goal,
                 reasoner=reasoner,
                 eyes=eyes,
@@ -210,6 +220,7 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 log=episode.log,
                 say=say,
                 pictures=lambda: eyes.pictures,
+                **parts,
             )
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:

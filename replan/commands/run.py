@@ -41,6 +41,11 @@ class Run:
     """How things are found in pictures."""
     reasoner: Literal["builtin"] = "builtin"
     """Language backend; `builtin` is rules, without network."""
+    method: Literal["replan", "language-to-rewards", "one-shot-plan", "pddl", "task-and-motion"] = "replan"
+    """How the goal becomes motions: `replan`, or one of the baselines that it is compared with (docs/baselines.md)."""
+    told: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """What no camera sees, for `pddl` and `task-and-motion`: "JOINT is locked until JOINT is open" or "JOINT is blocked
+    by OBJECT"; may be repeated."""
     runs_dir: Path = Path("runs")
     """Where run folders are made."""
     video: bool = True
@@ -69,6 +74,8 @@ class Run:
                 segmenter=self.perception.segmenter,
                 perception=self.perception.options(),
                 reasoner=self.reasoner,
+                method=self.method,
+                told=tuple(self.told),
                 runs_dir=self.runs_dir,
                 video=self.video,
                 acknowledge=self.acknowledge,
