@@ -35,6 +35,7 @@ import numpy as np
 
 from benchmarks.held_out import CHUNK, HeldOutFrame, held_out_frames
 from perception.bundled import BundledDetector
+from perception.by_noun import ByNounDetector
 from perception.colour_shape import ColourShapeDetector
 from perception.errors import ModelUnavailableError, UnknownPhraseError
 from perception.frames import CameraIntrinsics, RgbdFrame
@@ -165,7 +166,12 @@ class Looker:
 
 
 def operating_threshold(detector: Detector) -> float:
-    """Lowest score of the boxes that a detector gives when nothing is said, 0..1."""
+    """Lowest score of the boxes that a detector gives when nothing is said, 0..1.
+
+    Of two detectors that share the phrases it is the one of colour and shape, which most phrases go to.
+    """
+    if isinstance(detector, ByNounDetector):
+        detector = detector.by_colour
     if isinstance(detector, ColourShapeDetector):
         return detector.settings.threshold
     if isinstance(detector, BundledDetector):
@@ -194,6 +200,8 @@ class KnownPhrases:
                 parse_phrase(phrase)
             elif isinstance(self.detector, BundledDetector):
                 self.detector.known_words(phrase)
+            elif isinstance(self.detector, ByNounDetector):
+                self.detector.is_for_learned(phrase)
         except UnknownPhraseError:
             return False
         return True

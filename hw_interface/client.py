@@ -74,8 +74,8 @@ class ExecutionReport:
 
     Attributes:
         completed: Every sample was played and nothing went wrong.
-        reason: "completed", or the code of the trouble: tracking_error, lost_grasp, gripper_late, contact, frozen,
-            internal_error.
+        reason: "completed", or the code of the trouble: tracking_error, lost_grasp, missed_grasp, gripper_late,
+            contact, frozen, internal_error. After a missed_grasp alone the robot is ready.
         detail: The trouble in words, empty when completed.
         played, samples: Samples of the trajectory that were played, and how many it has; at any speed.
         max_tracking_error: Largest difference per joint between commanded and measured position in [rad].

@@ -2,12 +2,13 @@
 
 At a speed below 1 it commands exactly their path, by a slower clock.
 
-    idle ──accepted──▶ moving ──last sample──▶ idle
+    idle ──accepted──▶ moving ──last sample, or a grasp that closed on nothing──▶ idle
                          │ stop request or trouble
                          ▼
                       stopping ──at rest──▶ stopped | reflex ──acknowledged──▶ idle
 
-Nothing restarts by itself: whatever ended a motion early stays latched until somebody acknowledges it.
+Nothing restarts by itself: whatever stopped a motion stays latched until somebody acknowledges it. A hand that stood
+still and closed on nothing is the one exception: it ends the motion early, and nothing is wrong with the robot.
 """
 
 import logging
@@ -23,9 +24,9 @@ from control.trajectory import Trajectory
 from hw_interface.backend import Measured, RobotBackend
 from hw_interface.gate import Gate, valid_speed
 from hw_interface.messages import Accepted, Mode, RobotState, Trouble
-from hw_interface.motion_messages import MotionResult
+from hw_interface.motion_messages import MotionResult, Outcome
 from hw_interface.played_motion import PlayedMotion
-from hw_interface.supervisor import SupervisionLimits
+from hw_interface.supervisor import MISSED_GRASP, SupervisionLimits
 
 LOG = logging.getLogger(__name__)
 RESULTS_KEPT = 16
@@ -134,6 +135,8 @@ class Driver:
                 self._mode = "stopped"
         elif not self._motion.stopping:
             self._begin_stop("stopped", None)
+        elif self._motion.stop_mode == "idle":
+            self._motion.stop_mode = "stopped"  # a person's stop outlasts a motion that ends by itself
 
     def reflex(self, code: str, reason: str) -> None:
         """Stop because of something that only the caller could see (for instance a loop that stood still)."""
@@ -220,8 +223,8 @@ class Driver:
                 self._mode, self._trouble = "reflex", trouble
         elif not self._motion.stopping:
             LOG.error("%s: %s", trouble.code, trouble.reason)
-            self._begin_stop("reflex", trouble)
-        elif self._motion.trouble is None:
+            self._begin_stop("idle" if trouble.code == MISSED_GRASP else "reflex", trouble)
+        elif self._motion.stop_mode != "reflex":
             self._motion.stop_mode, self._motion.trouble = "reflex", trouble
 
     def _begin_stop(self, then: Mode, trouble: Trouble | None) -> None:
@@ -265,8 +268,12 @@ class Driver:
 
     def _finish(self, motion: PlayedMotion, mode: Mode) -> None:
         self._motion = None
-        self._mode, self._trouble = mode, motion.trouble
-        outcome = "completed" if mode == "idle" else "stopped" if mode == "stopped" else "reflex"
+        self._mode, self._trouble = mode, None if mode == "idle" else motion.trouble
+        outcome: Outcome = "reflex"
+        if mode == "idle":
+            outcome = "completed" if motion.trouble is None else "ended_early"
+        elif mode == "stopped":
+            outcome = "stopped"
         self._results[motion.serial] = motion.result(outcome, self._q_d, self._measured, self._clock())
         while len(self._results) > RESULTS_KEPT:
             del self._results[next(iter(self._results))]

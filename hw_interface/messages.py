@@ -22,7 +22,7 @@ class Trouble(Message):
     """Why the robot stopped by itself.
 
     Attributes:
-        code: tracking_error, lost_grasp, gripper_late, contact, frozen or internal_error.
+        code: tracking_error, lost_grasp, missed_grasp, gripper_late, contact, frozen or internal_error.
         reason: For people: what was measured, the limit, what to do.
     """
 

@@ -147,12 +147,16 @@ def _certificate_message(c: Certificate) -> CertificateMessage:
     )
 
 
+Outcome = Literal["completed", "ended_early", "stopped", "reflex"]
+
+
 class MotionResult(Message):
     """What became of a motion, measured by the robot itself.
 
     Attributes:
         serial: Of its certificate.
-        outcome: completed; stopped (on request); reflex (by itself, see trouble).
+        outcome: completed; ended_early (a grasp closed on nothing; the robot is ready); stopped (on request); reflex
+            (by itself, see trouble).
         trouble: Why it did not complete, or None.
         samples, played: Samples of the certified trajectory, and how many of them were played.
         started, finished: Times in [s].
@@ -166,7 +170,7 @@ class MotionResult(Message):
 
     type_name: ClassVar[str] = "motion_result"
     serial: Name
-    outcome: Literal["completed", "stopped", "reflex"]
+    outcome: Outcome
     trouble: Trouble | None
     samples: int
     played: int

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Literal
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from control.trajectory import SAMPLE_TIME, GripperCommand, Trajectory
 from hw_interface.backend import Measured
 from hw_interface.gate import Gate
 from hw_interface.messages import Mode, Trouble
-from hw_interface.motion_messages import MotionResult
+from hw_interface.motion_messages import MotionResult, Outcome
 from hw_interface.supervisor import SupervisionLimits, Supervisor
 
 TRACE_EVERY = 10  # milliseconds between two rows of a motion's record: 100 rows a second
@@ -136,9 +135,7 @@ class PlayedMotion:
         """Come to rest on the path within these limits, then end."""
         self._playback = stop_on_path(self._playback, self._last, limits)
 
-    def result(
-        self, outcome: Literal["completed", "stopped", "reflex"], q_d: np.ndarray, measured: Measured, now: float
-    ) -> MotionResult:
+    def result(self, outcome: Outcome, q_d: np.ndarray, measured: Measured, now: float) -> MotionResult:
         """What became of it.
 
         Args:

@@ -8,6 +8,10 @@ from control.trajectory import SAMPLE_TIME, GripperEvent, Trajectory
 from hw_interface.backend import Measured
 from hw_interface.messages import Trouble
 
+# The one trouble that is no reflex: the hand stood still, closed on nothing and holds nothing. Nothing was touched or
+# lost, so the motion ends where the arm stands and the robot stays ready.
+MISSED_GRASP = "missed_grasp"
+
 
 @dataclass(frozen=True)
 class SupervisionLimits:
@@ -109,7 +113,7 @@ class Supervisor:
                 )
             if command.kind == "grasp" and not measured.grasped:
                 return Trouble(
-                    code="lost_grasp",
+                    code=MISSED_GRASP,
                     reason=f"the gripper, {told}, holds nothing (width {width * 1e3:.0f} mm): the object is not where "
                     "it was expected",
                 )

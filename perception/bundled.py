@@ -23,8 +23,7 @@ WEIGHTS = Path(__file__).parent / "weights"
 DETECTOR_FOLDER = WEIGHTS / "detector"
 SEGMENTER_FOLDER = WEIGHTS / "segmenter"
 CARD_FILE = "card.json"
-# What "default" means for a detector and a segmenter.
-DEFAULT_DETECTOR = "colour"
+# What "default" means for a segmenter; for a detector it is `perception.by_noun`.
 DEFAULT_SEGMENTER = "grabcut"
 
 

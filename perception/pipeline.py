@@ -8,7 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from perception import bundled
-from perception.errors import FrameError
+from perception.by_noun import ByNounDetector
+from perception.colour_words import colour_of
+from perception.errors import FrameError, ModelUnavailableError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
 from perception.instances import group_by_thing, instance_name
@@ -119,7 +121,8 @@ class Perception:
             groups = group_by_thing(seen) if self.instances > 1 else [[o for view in seen for o in view]]
             for i, group in enumerate(groups[: self.instances] if any(seen) else ()):
                 free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
-                objects.append(replace(merge(group), name=free))
+                merged = merge(group)
+                objects.append(replace(merged, name=free, colour=colour_of(merged.evidence, frames)))
             if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
         seconds["merge"] += time.perf_counter() - started
@@ -286,7 +289,13 @@ def perception_from_options(
 
 
 def _detector(name: str, options: PerceptionOptions) -> Detector:
-    name = bundled.DEFAULT_DETECTOR if name == "default" else name
+    if name == "default":
+        colour = _detector("colour", options)
+        try:
+            learned = _bundled_detector(options)
+        except ModelUnavailableError:  # a package without weights; the name says that colour is all there is
+            return colour
+        return ByNounDetector(colour, learned, learned.known_words)
     if name == "colour":
         from perception.colour_shape import ColourShapeDetector, ColourShapeSettings
 
@@ -295,7 +304,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
             settings = replace(settings, threshold=options.threshold)
         return ColourShapeDetector(settings)
     if name == "bundled":
-        return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
+        return _bundled_detector(options)
     from perception.hf_models import THRESHOLD, TransformersDetector
 
     find_model(name, DETECTOR, options.offline)  # now, so that a wrong name does not wait for the first look
@@ -306,6 +315,10 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
         device=options.device,
         precision=options.precision,
     )
+
+
+def _bundled_detector(options: PerceptionOptions) -> bundled.BundledDetector:
+    return bundled.BundledDetector(bundled.DETECTOR_FOLDER, options.threshold, options.device, options.precision)
 
 
 def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:

@@ -17,6 +17,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate, SceneEstimate, Shape, Unseen
+from perception.looks import COLOURS
 from perception.tracking import Track
 
 Row4 = tuple[float, float, float, float]
@@ -81,6 +82,7 @@ class ObjectRecord(_Strict):
         joint_fractions: How far its joints are open, 0..1.
         joint_stds: Spreads of these.
         extents_std: Spread of the extents in [m], or null where nobody says.
+        colour: Its colour in a word, or null where it is undecided or nobody says; older files do not have it.
         box_px: (x0, y0, x1, y1) in the picture in [px], or null.
         depth_share: Share of its pixels with depth, or null.
         track: The thing that it is, where frames were followed.
@@ -96,6 +98,7 @@ class ObjectRecord(_Strict):
     joint_fractions: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default_factory=dict)
     joint_stds: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
     extents_std: tuple[float, float, float] | None = None
+    colour: str | None = None
     box_px: tuple[float, float, float, float] | None = None
     depth_share: float | None = None
     track: TrackRecord | None = None
@@ -105,6 +108,13 @@ class ObjectRecord(_Strict):
     def _has_size(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
         if min(value) <= 0:
             raise ValueError("sizes are in metres and above 0")
+        return value
+
+    @field_validator("colour")
+    @classmethod
+    def _is_a_colour_word(cls, value: str | None) -> str | None:
+        if value is not None and value not in COLOURS:
+            raise ValueError(f"'{value}' is no colour word; it must be null or one of {', '.join(COLOURS)}")
         return value
 
 
@@ -154,6 +164,7 @@ class LookRecord(_Strict):
                 joint_fractions=dict(o.joint_fractions),
                 joint_stds=dict(o.joint_stds),
                 extents_std=None if o.extents_std is None else np.asarray(o.extents_std),
+                colour=o.colour,
             )
             for o in self.objects
         )
@@ -263,6 +274,7 @@ def _record(o: ObjectEstimate, track: Track | None) -> ObjectRecord:
             "joint_fractions": dict(o.joint_fractions),
             "joint_stds": dict(o.joint_stds),
             "extents_std": None if o.extents_std is None else np.asarray(o.extents_std).tolist(),
+            "colour": o.colour,
             "box_px": np.asarray(seen.box_px).tolist() if seen else None,
             "depth_share": round(seen.depth_share, 3) if seen else None,
             "track": TrackRecord.of(track) if track else None,

@@ -133,7 +133,7 @@ def parse_questions(text: str, names: Collection[str]) -> tuple[str, ...]:
 
     Args:
         text: The answer.
-        names: Objects in view and objects sought.
+        names: Objects in view, joints of furniture, and objects sought.
     """
     questions = _tags(text, "question", 1, 2)
     for question in questions:

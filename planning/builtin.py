@@ -9,13 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from control.errors import ReasonerError
-from planning import builtin_perceiver, builtin_planner, builtin_verifier
+from planning import builtin_perceiver, builtin_planner, builtin_plans, builtin_verifier
 
 _RULES: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "perceive_object": builtin_perceiver.perceive_object,
-    "high_level_plan": builtin_planner.make_plan,
-    "replan": builtin_planner.make_plan,
-    "new_plan": builtin_planner.make_plan,
+    "high_level_plan": builtin_plans.make_plan,
+    "replan": builtin_plans.make_plan,
+    "new_plan": builtin_plans.make_plan,
     "action_kind": builtin_planner.action_kind,
     "needs_relocation": builtin_planner.needs_relocation,
     "motion_description": builtin_planner.motion_description,

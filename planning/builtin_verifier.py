@@ -6,7 +6,7 @@ from typing import Any
 
 from control.rewards import PALM, RewardTerm
 from planning.answers import MalformedAnswerError
-from planning.builtin_planner import reward_call
+from planning.builtin_planner import JOINT_STATES, reward_call
 from planning.description import DescriptionLine, parse_line
 from planning.goal_language import parse_step
 from planning.names import ARTICLES, as_name, candidates, closest, mentioned, word_set
@@ -59,7 +59,8 @@ def verify_primary(fields: Mapping[str, Any]) -> str:
     """The line that says what the action asks for; for other actions the last one that is not about the palm."""
     lines = [parse_line(text) for text in fields["description"]]
     clause = parse_step(fields["action"])
-    kind = {"place": "close", "away": "far", "lift": "height", "reach": "close"}.get(clause.kind) if clause else None
+    kinds = {"place": "close", "away": "far", "lift": "height", "reach": "close", **JOINT_STATES}
+    kind = kinds.get(clause.kind) if clause else None
     about_palm = clause is not None and clause.kind == "reach"
     fitting = [k for k, line in enumerate(lines, 1) if line and line.kind == kind and (line.a == PALM) == about_palm]
     others = [k for k, line in enumerate(lines, 1) if line and line.a != PALM]
@@ -78,7 +79,8 @@ def unknown_phrases(sentence: str, objects: Sequence[str]) -> list[str]:
         end = next((i for i, w in enumerate(rest) if w.lower() in _ENDS), len(rest))
         phrase = " ".join(rest[:end])
         known = not phrase or rest[end - 1].lower() in _NO_OBJECTS or mentioned(phrase, objects)
-        if not known and not candidates(phrase, objects):
+        # "the block" for a thing that is called cube here is understood, but has to be written with its name.
+        if not known and len(candidates(phrase, objects)) < 2:
             found.append(phrase)
     return list(dict.fromkeys(found))
 
@@ -93,7 +95,7 @@ def remap_names(fields: Mapping[str, Any]) -> str:
     """Each unknown name replaced by the closest one, if any is close."""
     sentence = fields["sentence"]
     for phrase in unknown_phrases(sentence, fields["objects"]):
-        name = closest(as_name(phrase), fields["objects"])
+        name = next(iter(candidates(phrase, fields["objects"])), None) or closest(as_name(phrase), fields["objects"])
         if name is not None:
             sentence = re.sub(rf"\b{re.escape(phrase)}\b", name, sentence)
     return sentence

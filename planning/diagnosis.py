@@ -9,7 +9,7 @@ from control.errors import ReasonerError
 from planning.answers import MalformedAnswerError, parse_reasons, parse_sentence, usable_vote
 from planning.names import mentioned
 from planning.reasoner import Asker
-from planning.verifier import Verifier
+from planning.verifier import Checker
 from prompts.contracts import PHRASINGS
 
 
@@ -55,7 +55,7 @@ def diagnose(
     facts: Sequence[str],
     measured: Sequence[str],
     asker: Asker,
-    verifier: Verifier,
+    verifier: Checker,
     log,
     images: Sequence[Any] = (),
 ) -> Diagnosis:
@@ -89,7 +89,7 @@ def _vote(
     facts: Sequence[str],
     measured: Sequence[str],
     asker: Asker,
-    verifier: Verifier,
+    verifier: Checker,
     images: Sequence[Any],
 ) -> Vote:
     fields = {"action": action, "objects": objects, "facts": facts, "measured": measured, "phrasing": phrasing}

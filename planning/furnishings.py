@@ -16,6 +16,7 @@ from sim_check.furniture_config import (
     WeightPlateConfig,
 )
 
+HAND_WIDTH = 0.2  # [m], of a Panda's hand across its fingers
 JointRole = Literal["door", "lever", "plate"]
 
 
@@ -40,6 +41,19 @@ class KnownJoint:
 
 
 @dataclass(frozen=True)
+class Front:
+    """The space before doors, that they and the hand need to open.
+
+    Attributes:
+        low: Height of the doors' lower edge above the table in [m].
+        reach: How far it reaches out from the front in [m]: a hinged door's width, or a hand's at a sliding one.
+    """
+
+    low: float
+    reach: float
+
+
+@dataclass(frozen=True)
 class KnownFurniture:
     """A piece of furniture.
 
@@ -47,13 +61,18 @@ class KnownFurniture:
         name: Scene name.
         kind: As in the cell file, for instance "cabinet".
         joints: All that move.
-        has_inside: Whether things can be in it, behind its doors.
+        front: Where its doors open into; None for what has no inside.
     """
 
     name: str
     kind: str
     joints: tuple[KnownJoint, ...]
-    has_inside: bool
+    front: Front | None = None
+
+    @property
+    def has_inside(self) -> bool:
+        """Whether things can be in it, behind its doors."""
+        return self.front is not None
 
 
 def known_furniture(configs: Mapping[str, FurnitureConfig]) -> dict[str, KnownFurniture]:
@@ -62,12 +81,16 @@ def known_furniture(configs: Mapping[str, FurnitureConfig]) -> dict[str, KnownFu
 
 
 def _known(name: str, config: FurnitureConfig) -> KnownFurniture:
+    front = None
     match config:
         case CabinetConfig() | MicrowaveConfig():
             role: JointRole = "door"
+            slides = isinstance(config, CabinetConfig) and config.opening == "sliding"
+            reach = HAND_WIDTH if slides else config.width / len(config.part_names(name))
+            front = Front(config.bottom, reach)
         case LeverConfig():
             role = "lever"
         case WeightPlateConfig():
             role = "plate"
     joints = tuple(KnownJoint(joint, name, role) for joint in config.part_names(name))
-    return KnownFurniture(name, config.kind, joints, role == "door")
+    return KnownFurniture(name, config.kind, joints, front)

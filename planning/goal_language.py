@@ -1,12 +1,20 @@
 """A small language of goals and plan steps: what the rule-based reasoner understands. Needs the standard library only.
 
-    GOAL    = CLAUSE { ("then" | "and then" | ";" | "and" before a verb) CLAUSE }
+    GOAL    = PART { ("then" | "and then" | ";" | "and" or "," before a verb) PART }
+    PART    = CLAUSE | HINT
     CLAUSE  = place|put|move|stack|...  X  on|in|into|onto|to|...  Y
             | move|take|remove|...      X  away from|off|out of|from  Y
             | pick up|lift|...          X
-            | look for|find|...         X
+            | clear|empty               X
+            | look for|find|...         X  [in Y]
             | move to|reach|touch|...   X
-    X, Y    = words without prepositions, an article first or not; "it" is the clause before's X
+            | open|look into|...        X
+            | close|shut                X
+            | pull|press|operate|...    X
+            | see whether               X  is  on|in Y | open | closed
+    HINT    = X  opens|unlocks|...  when  Y is put on Z | Y is pulled | ...
+    X, Y    = words without prepositions, an article first or not; "it" is the clause before's X; a thing may be said
+              to have the same colour as another
 
 Steps of plans are clauses with exact names ("place red_cube on crate"), so one parser reads both.
 """
@@ -17,42 +25,75 @@ from dataclasses import dataclass
 from typing import Literal
 
 from control.errors import GoalError
-from planning.names import ARTICLES, word_set, words_of
+from planning.names import ARTICLES, LIKE, word_set, words_of
 
-ClauseKind = Literal["place", "away", "lift", "find", "reach"]
+ClauseKind = Literal["place", "away", "lift", "clear", "find", "reach", "open", "close", "pull", "check"]
 
 UNDERSTOOD = (
-    '"place X on Y", "put X in Y", "move X away from Y", "take X out of Y", "pick up X", "find X", "reach X", '
-    'several joined by "then"'
+    '"place X on Y", "put X in Y", "move X away from Y", "take X out of Y", "pick up X", "clear X", "find X", '
+    '"reach X", "open X", "close X", "pull X", several joined by "then"'
 )
 
 _ONTO = r"(?P<how>on top of|onto|on|inside of|inside|into|in|over|at|to)"
 _FROM = r"(?P<how>away from|(?:from|off)(?: on)?(?: the)? top of|off of|off|out of|from)"
+_PLACE = (
+    "place|put|move|stack|set|lay|bring|carry|drop|transfer|take|stow|insert|store|position|deposit|leave|return|slide"
+)
+_WISH = r"(?:make sure(?: that)?|see to it that|ensure(?: that)?|i (?:want|need|would like)|we (?:want|need))"
+_BE = r"(?:is|are|to be|should be|ends up|belongs|goes)"
 _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
     (kind, re.compile(pattern))  # type: ignore[misc]
     for kind, pattern in (
+        ("check", r"(?:see whether|is) (?P<a>.+?)(?: is)? (?P<how>open|closed)"),
+        ("check", r"see whether (?P<a>.+?) is (?P<how>on|in) (?P<b>.+)"),
+        ("open", rf"{_WISH} (?P<a>.+?) {_BE} (?:open|opened)"),
+        ("close", rf"{_WISH} (?P<a>.+?) {_BE} (?:closed|shut)"),
+        ("away", rf"{_WISH} (?P<a>.+?) (?:{_BE} )?{_FROM} (?P<b>.+)"),
+        ("place", rf"{_WISH} (?P<a>.+?) (?:{_BE} )?{_ONTO} (?P<b>.+)"),
+        ("place", rf"(?P<a>.+?) (?:should be|belongs|goes|should go|must be|must go) {_ONTO} (?P<b>.+)"),
+        ("find", r"(?:look for|find|search for|locate|where is|show me|is there) (?P<a>.+?) (?:in|inside) (?P<b>.+)"),
         ("find", r"(?:look for|find|search for|locate|where is|show me) (?P<a>.+)"),
+        ("open", r"(?:look (?:into|inside of|inside|in)|check|what is (?:in|inside)) (?P<a>.+)"),
+        ("open", r"(?:open up|open|unlock|unbolt|slide open|swing open) (?P<a>.+)"),
+        ("open", r"(?:pull|push|slide|swing|get) (?P<a>.+?) open"),
+        ("close", r"(?:close|shut)(?: up)? (?P<a>.+)"),
+        ("close", r"(?:pull|push|slide|swing) (?P<a>.+?) (?:shut|closed)"),
         ("reach", r"(?:reach for|reach|touch|go to|move to|approach) (?P<a>.+)"),
         ("reach", r"(?:move|bring) (?:the )?(?:palm|hand|arm|gripper) (?:close to|to|towards) (?P<a>.+)"),
-        ("away", rf"(?:move|take|remove|get|clear|keep|bring|pull|put) (?P<a>.+?) {_FROM} (?P<b>.+)"),
-        ("place", rf"(?:place|put|move|stack|set|lay|bring|carry|drop|transfer|take) (?P<a>.+?) {_ONTO} (?P<b>.+)"),
-        ("lift", r"(?:pick up|lift up|lift|raise|grasp|grab) (?P<a>.+)"),
+        ("clear", r"(?:clear|clear off|empty|unload) (?P<a>.+)"),
+        ("clear", rf"(?:take|remove|get|clear|move) (?:everything|all things|whatever is) {_FROM} (?P<a>.+)"),
+        (
+            "away",
+            rf"(?:move|take|remove|get|clear|keep|bring|pull|put|fetch|lift|pick|slide) (?P<a>.+?)(?: up)? {_FROM} "
+            r"(?P<b>.+)",
+        ),
+        ("place", rf"(?:{_PLACE}) (?P<a>.+?) {_ONTO} (?P<b>.+)"),
+        ("lift", r"(?:pick up|lift up|lift|raise|grasp|grab|hold|fetch(?: me)?|bring me|get me|hand me) (?P<a>.+)"),
         ("lift", r"(?:pick|lift) (?P<a>.+) up"),
+        ("pull", r"(?:pull|press|push|operate|flip|turn|use|activate|switch)(?: on| down)? (?P<a>.+?)(?: down| on)?"),
     )
 )
 _VERBS = word_set(
     "place put move stack set lay bring carry drop transfer take remove get clear keep pull pick lift raise grasp "
-    "grab look find search locate where show reach touch go approach"
+    "grab look find search locate where show reach touch go approach open close shut unlock press operate flip "
+    "activate stow insert store deposit leave return fetch empty unload ensure push slide check"
 )
 # Words that cannot be part of a name: what remains of a clause that says more than the grammar knows.
 _NOT_IN_NAMES = (
     word_set(
         "on in into onto to from of off at over under inside beside near next behind by with without that which who "
         "whose same than as if until while and or but not then before after is are all both every each away up down "
-        "close back"
+        "back everything"
     )
     | _VERBS
 )
+_HINT = re.compile(
+    r"(?P<what>.+?) (?:opens|unlocks|releases|is unlocked|is opened|is released|can be opened|lets go)"
+    r" (?:when|if|once|as soon as|after) (?P<how>.+)"
+)
+_ENABLED = re.compile(r"(?P<a>.+?) (?:is|are|has been|gets) (?P<done>\w+)(?: (?P<where>on|onto|in|into) (?P<b>.+))?")
+_PUT = word_set("put placed set laid moved brought stacked")
+_DRIVEN = word_set("pulled pressed pushed turned operated flipped moved")
 
 
 class NotUnderstoodError(GoalError):
@@ -74,8 +115,8 @@ class Clause:
     Attributes:
         kind: What is to happen.
         subject: Words for the thing that it happens to, without an article.
-        target: Words for the other thing, for place and away.
-        preposition: As it was said, for place.
+        target: Words for the other thing, for place and away, and where given for find and check.
+        preposition: As it was said, for place; on, in, open or closed for check.
     """
 
     kind: ClauseKind
@@ -95,17 +136,45 @@ class Clause:
 
     def as_text(self) -> str:
         """The clause in its plainest words; parsing them gives the clause back."""
+        place = f" in {self.target}" if self.target else ""
+        state = f"{self.preposition} {self.target}" if self.target else self.preposition
         return {
             "place": f"place {self.subject} {self.preposition or 'on'} {self.target}",
             "away": f"move {self.subject} away from {self.target}",
             "lift": f"pick up {self.subject}",
-            "find": f"look for {self.subject}",
+            "clear": f"clear {self.subject}",
+            "find": f"look for {self.subject}{place}",
             "reach": f"reach {self.subject}",
+            "open": f"open {self.subject}",
+            "close": f"close {self.subject}",
+            "pull": f"pull {self.subject}",
+            "check": f"see whether {self.subject} is {state}",
         }[self.kind]
 
 
-def parse_goal(text: str) -> tuple[Clause, ...]:
-    """All clauses of a goal, in order.
+@dataclass(frozen=True)
+class Hint:
+    """What a goal tells about the place: `what` opens when `clause` has been done.
+
+    Attributes:
+        what: Words for what opens.
+        clause: What opens it.
+    """
+
+    what: str
+    clause: Clause
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is wanted, and what is told besides."""
+
+    clauses: tuple[Clause, ...]
+    hints: tuple[Hint, ...] = ()
+
+
+def parse_goal(text: str) -> Goal:
+    """All clauses of a goal, in order, and its hints.
 
     Raises:
         GoalError: The goal is empty.
@@ -116,18 +185,26 @@ def parse_goal(text: str) -> tuple[Clause, ...]:
     if not parts:
         raise GoalError(f"the goal is empty; say what to reach, for instance {UNDERSTOOD}")
     clauses: list[Clause] = []
+    hints: list[Hint] = []
     for part in parts:
-        clauses.append(_parse_clause(part, whole, clauses[-1].subject if clauses else None))
-    return tuple(clauses)
+        previous = clauses[-1].subject if clauses else None
+        hint = _parse_hint(part, whole, previous)
+        if hint is not None:
+            hints.append(hint)
+        else:
+            clauses.append(_parse_clause(part, whole, previous))
+    if not clauses:
+        raise NotUnderstoodError(parts[0], whole, "it tells how something opens, but not what to do")
+    return Goal(tuple(clauses), tuple(hints))
 
 
 def parse_step(text: str) -> Clause | None:
     """A plan's step as a clause, or None when it is not exactly one clause of this language."""
     try:
-        clauses = parse_goal(text)
+        goal = parse_goal(text)
     except GoalError:
         return None
-    return clauses[0] if len(clauses) == 1 else None
+    return goal.clauses[0] if len(goal.clauses) == 1 and not goal.hints else None
 
 
 def mentioned_phrases(goal: str) -> tuple[str, ...]:
@@ -137,7 +214,9 @@ def mentioned_phrases(goal: str) -> tuple[str, ...]:
     one that no name contains.
     """
     try:
-        phrases = [p for clause in parse_goal(goal) for p in clause.phrases]
+        parsed = parse_goal(goal)
+        said = [p for clause in (*parsed.clauses, *(h.clause for h in parsed.hints)) for p in clause.phrases]
+        phrases = [part for phrase in said for part in phrase.split(LIKE)]
     except GoalError:
         phrases = []
         words = re.findall(r"[a-z0-9_]+", goal.lower())
@@ -150,15 +229,58 @@ def mentioned_phrases(goal: str) -> tuple[str, ...]:
 
 
 def _split(whole: str) -> list[str]:
-    text = re.sub(r"^(?:(?:please|can you|could you|would you)[ ,]+)+", "", whole.lower().strip())
+    text = re.sub(r"^(?:(?:please|can you|could you|would you|kindly|now|first)[ ,]+)+", "", whole.lower().strip())
     text = re.sub(r"[ ,]+please\b", "", text).rstrip(".!? ")
     verbs = "|".join(sorted(_VERBS))
-    parts = re.split(rf"\s*[,;.]?\s*\b(?:and then|then)\b[\s,]*|\s*;\s*|\.\s+|,?\s+and\s+(?=(?:{verbs})\b)", text)
+    parts = re.split(
+        rf"\s*[,;.]?\s*\b(?:and then|then|after that|afterwards)\b[\s,]*|\s*;\s*|\.\s+|,?\s+and\s+(?=(?:{verbs})\b)"
+        rf"|,\s+(?=(?:{verbs})\b)",
+        text,
+    )
     return [p.strip(" ,.") for p in parts if p and p.strip(" ,.")]
 
 
-def _parse_clause(part: str, whole: str, previous: str | None) -> Clause:
+def _plain(part: str) -> str:
     text = " ".join(re.sub(r"[^a-z0-9_ ]", " ", part).split())
+    # "the left door of the cabinet" as "the cabinet left door".
+    text = re.sub(r"\b((?:left |right )?door) (?:of|on) (?:the )?(\w+(?: cabinet| cupboard)?)", r"\2 \1", text)
+    return _with_colours(text)
+
+
+def _with_colours(text: str) -> str:
+    """ "the cube with the same colour as the crate" as "the cube coloured like crate"."""
+    same = re.search(
+        r" (?:(?:that|which) (?:has|is|shares|have) )?(?:(?:with|of|in|having) )?(?:(?:the|a) )?same colou?r"
+        r" (?:as|of|like)(?: that of)? | (?:that|which) (?:matches|match)(?: the colou?r of)? "
+        r"| matching(?: the colou?r of)? ",
+        text,
+    )
+    if same is None:
+        return text
+    rest = text[same.end() :].split()
+    while rest and rest[0] in ARTICLES:
+        rest.pop(0)
+    end = next((k for k, w in enumerate(rest) if w in _NOT_IN_NAMES), len(rest))
+    return " ".join([text[: same.start()] + LIKE + " ".join(rest[:end]), *rest[end:]])
+
+
+def _parse_hint(part: str, whole: str, previous: str | None) -> Hint | None:
+    match = _HINT.fullmatch(_plain(part))
+    if match is None:
+        return None
+    what = " ".join(w for w in words_of(match["what"]) if w not in ("lock", "bolt", "door")) or (previous or "")
+    enabled = _ENABLED.fullmatch(match["how"])
+    if enabled and enabled["done"] in _PUT and enabled["b"]:
+        on = _phrase(enabled["b"], whole, what)
+        where = "in" if enabled["where"].startswith("in") else "on"
+        return Hint(what, Clause("place", _phrase(enabled["a"], whole, previous), on, where))
+    if enabled and enabled["done"] in _DRIVEN and not enabled["b"]:
+        return Hint(what, Clause("pull", _phrase(enabled["a"], whole, previous)))
+    raise NotUnderstoodError(match["how"], whole, "it does not say what has to be put where, or pulled")
+
+
+def _parse_clause(part: str, whole: str, previous: str | None) -> Clause:
+    text = _plain(part)
     for kind, pattern in _PATTERNS:
         match = pattern.fullmatch(text)
         if match:
@@ -168,7 +290,7 @@ def _parse_clause(part: str, whole: str, previous: str | None) -> Clause:
             how = groups.get("how") or ""
             if target is not None and words_of(subject) == words_of(target):
                 raise NotUnderstoodError(part, whole, f"it names '{subject}' twice")
-            return Clause(kind, subject, target, how if kind == "place" else "")
+            return Clause(kind, subject, target, how if kind in ("place", "check") else "")
     if text.split()[0] in ("remove", "move", "take", "place", "put"):
         why = "it does not say where to, or away from what"
     else:

@@ -11,15 +11,17 @@ from control.rewards import PALM, RewardSpec
 from perception.estimates import SceneEstimate
 from planning.answers import Plan, parse_completion, parse_plan, parse_yes_no
 from planning.diagnosis import diagnose
+from planning.furnishings import KnownFurniture
 from planning.interfaces import AttemptResult, Eyes, Hands, Judge, Judgement
-from planning.memory import FailedAttempt, FailedPlan, cause_sentences
+from planning.learnt import CellMemory
+from planning.memory import NOBODY_KNOWS, FailedAttempt, FailedPlan, cause_sentences
 from planning.names import mentioned
-from planning.perceiver import Perceiver, describe
+from planning.perceiver import Perceiver, about, describe
 from planning.reasoner import Asker, Log, Reasoner
 from planning.results import GoalResult, LoopSettings, StepRecord
 from planning.sight import Sight
 from planning.subtask import Scope, spec_for
-from planning.verifier import Verifier
+from planning.verifier import AsWritten, Checker, Verifier
 from prompts.contracts import Role
 
 __all__ = ["AttemptResult", "GoalResult", "LoopSettings", "StepRecord", "run_loop"]
@@ -35,7 +37,7 @@ def run_loop(
     known_names: Sequence[str],
     log: Log,
     say: Callable[[str], None] = lambda text: None,
-    joints: Sequence[str] = (),
+    furniture: Mapping[str, KnownFurniture] | None = None,
     pictures: Callable[[], Sequence[Any]] = lambda: (),
     settings: LoopSettings | None = None,
     by_role: Mapping[Role, Reasoner] | None = None,
@@ -49,7 +51,7 @@ def run_loop(
         known_names: Names that the cell says may be there; things that the goal speaks of are looked for besides.
         log: Gets every prompt, answer, fault, drop, reward, vote and verdict.
         say: Gets a line of progress for people at a time.
-        joints: Joints of furniture that may be spoken of.
+        furniture: What is known of the cell's furniture, by name.
         pictures: The latest colour pictures, uint8, shape (height, width, 3), for reasoners that see.
         settings: Bounds.
         by_role: Other reasoners for single roles.
@@ -64,8 +66,9 @@ def run_loop(
         raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
     settings = settings or LoopSettings()
     asker = Asker(reasoner, log, settings.tries, by_role)
-    sight = Sight(goal, known_names, eyes, log)
-    run = _Run(goal, sight, hands, judge, asker, log, say, tuple(joints), pictures, settings)
+    furniture = furniture or {}
+    sight = Sight(goal, known_names, eyes, log, furniture)
+    run = _Run(goal, sight, hands, judge, asker, log, say, furniture, pictures, settings)
     result = run.reach()
     log("goal_result", reached=result.reached, reason=result.reason, replans=result.replans, causes=result.causes)
     return result
@@ -91,7 +94,7 @@ class _Run:
     asker: Asker
     log: Log
     say: Callable[[str], None]
-    joints: tuple[str, ...]
+    furniture: Mapping[str, KnownFurniture]
     pictures: Callable[[], Sequence[Any]]
     settings: LoopSettings
     plans: list[Plan] = field(default_factory=list)
@@ -103,16 +106,36 @@ class _Run:
     replans: int = 0
 
     def __post_init__(self) -> None:
-        self.verifier = Verifier(self.asker, self.log)
-        self.perceiver = Perceiver(self.asker, self.log)
+        without = self.settings.without
+        self.verifier: Checker = AsWritten(self.log) if "verifier" in without else Verifier(self.asker, self.log)
+        self.perceiver = Perceiver(self.asker, self.log, self._facts)
+        self.sees = "perceiver" not in without
+        self.memory = CellMemory(self.furniture)
+        self.plans_allowed, self.replans_allowed = self.settings.plans, self.settings.replans
+        if "replan" in without:
+            self.plans_allowed, self.replans_allowed = 1, 0
+
+    def _facts(self, scene: SceneEstimate) -> tuple[str, ...]:
+        """What is seen, in sentences; nothing where nobody perceives."""
+        return describe(scene, self.furniture) if self.sees else ()
+
+    def _look(self) -> SceneEstimate:
+        scene = self.sight.look()
+        self.memory.note_look(scene)
+        return scene
+
+    def _joints(self, scene: SceneEstimate) -> tuple[str, ...]:
+        """Joints that a hand can drive, of furniture in view."""
+        seen = [self.furniture[name] for name in scene.names if name in self.furniture]
+        return tuple(j.name for thing in seen for j in thing.joints if j.by_hand)
 
     # -- task level --------------------------------------------------------------------------------------------------
 
     def reach(self) -> GoalResult:
-        scene = self.sight.look()
+        scene = self._look()
         failed_plans: list[FailedPlan] = []
         why = ""
-        for k in range(self.settings.plans):
+        for k in range(self.plans_allowed):
             plan = self._new_plan(scene, failed_plans)
             if k > 0:
                 self.replans += 1
@@ -128,7 +151,7 @@ class _Run:
         return self._result(False, why, scene)
 
     def _new_plan(self, scene: SceneEstimate, failed: Sequence[FailedPlan]) -> Plan:
-        fields: dict[str, Any] = {"objects": scene.names, "goal": self.goal}
+        fields: dict[str, Any] = {"objects": scene.names, "goal": self.goal, "facts": self._facts(scene)}
         name = "high_level_plan"
         if failed:
             name = "new_plan"
@@ -136,7 +159,13 @@ class _Run:
         return self._noted(self.asker.ask(name, fields, parse_plan))
 
     def _history(self, scene: SceneEstimate) -> dict[str, Any]:
-        return {"facts": describe(scene), "finished": tuple(self.finished), "attempts": tuple(self.attempts)}
+        learnt = self.memory.lines() if self.sees else ()
+        return {
+            "facts": self._facts(scene),
+            "learnt": learnt,
+            "finished": tuple(self.finished),
+            "attempts": tuple(self.attempts),
+        }
 
     def _noted(self, plan: Plan) -> Plan:
         self.plans.append(plan)
@@ -145,10 +174,12 @@ class _Run:
         return plan
 
     def _why_no_plan(self, plan: Plan, scene: SceneEstimate, first: bool) -> str:
-        if self.sight.missing(scene):
+        if self.sees and self.sight.missing(scene):
             claimed = [n for n in self.sight.missing(scene) if self.perceiver.claims_to_see(n, scene, self.pictures())]
             extra = f" (the perceiver sees {', '.join(claimed)}, but no pose was found)" if claimed else ""
-            return self.sight.missing_sentence(scene) + extra
+            # The planner may have looked behind doors: its own words say what else it tried.
+            tried = f"; {plan.thought}" if any(s.kind == "hands" for s in self.steps) else ""
+            return self.sight.missing_sentence(scene) + extra + tried
         if first and not self.steps:
             raise GoalError(plan.thought)
         return plan.thought
@@ -176,14 +207,14 @@ class _Run:
                     return f"all steps were done, but {why}", scene
                 continue
             self._diagnose(action, plan, cause, scene)
-            if replans[action] >= self.settings.replans:
+            if replans[action] >= self.replans_allowed:
                 return f"'{action}' failed {replans[action] + 1} times, last: {self._last_reason(cause)}", scene
             replans[action] += 1
             self.replans += 1
             fields = {"objects": scene.names, "goal": self.goal, **self._history(scene)}
             plan = self._noted(self.asker.ask("replan", fields, parse_plan))
             if not plan.steps:
-                return self.sight.missing_sentence(scene) if self.sight.missing(scene) else plan.thought, scene
+                return self._why_no_plan(plan, scene, first=False), scene
             queue = list(plan.steps)
         return "", scene
 
@@ -201,8 +232,12 @@ class _Run:
         return cause, scene, None
 
     def _vision_step(self, action: str, plan: Plan) -> tuple[FailureCause | None, SceneEstimate, str | None]:
-        scene = self.sight.look()
-        seen = self.perceiver.observe(self.goal, plan.steps, action, scene, self.pictures())
+        scene = self._look()
+        if not self.sees:
+            self.log("looked", action=action, done=True, remaining=None, why="nobody perceives in this run")
+            self.steps.append(StepRecord(action, "eyes", True, None))
+            return None, scene, None
+        seen = self.perceiver.observe(self.goal, plan.steps, action, scene, self._joints(scene), self.pictures())
         self.observations += [o for o in seen if o not in self.observations]
         fields = {"plan": plan.steps, "action": action, "observations": seen}
         done, remaining = self.asker.ask("action_completed", fields, parse_completion)
@@ -215,18 +250,20 @@ class _Run:
         return cause, scene, remaining
 
     def _motion_step(self, action: str, plan: Plan, scene: SceneEstimate) -> tuple[FailureCause | None, SceneEstimate]:
-        scope = Scope(scene.names, self.joints, plan.steps, tuple(self.observations))
+        scope = Scope(scene.names, self._joints(scene), plan.steps, tuple(self.observations))
         try:
             spec = spec_for(action, scope, self.asker, self.verifier, self.log)
         except ReasonerError as error:
             self.log("undescribed", action=action, reason=str(error))
             return FailureCause("reasoner_error", action, str(error)), scene
         cause, after = self._attempt(spec, scene)
-        latest = after or self.sight.look()  # fresh eyes after every motion, whatever came of it
-        if cause is None:
-            cause = self._judged(spec, latest, scene)
-            if cause is not None and cause.kind == "not_achieved":
-                cause = self.hands.explain(spec, latest) or cause
+        latest = after or self._look()  # fresh eyes after every motion, whatever came of it
+        if cause is None or cause.evidence.get("grasps_that_held"):
+            # A handle that slipped out of the hand is a door that did not follow: what is seen tells whether it did.
+            judged = self._judged(spec, latest, scene)
+            if judged is not None and judged.kind == "not_achieved":
+                judged = self.hands.explain(spec, latest) or judged
+            cause = cause if cause is not None and judged is not None and judged.kind == "not_achieved" else judged
         if cause is not None:
             self.say(f"failed: {cause.kind}: {cause.message}")
         if cause is None:
@@ -265,15 +302,19 @@ class _Run:
         return FailureCause("not_achieved", term.subject, judgement.text, evidence={"residual": judgement.residual})
 
     def _diagnose(self, action: str, plan: Plan, cause: FailureCause, scene: SceneEstimate) -> None:
-        measured = cause_sentences(cause, scene.names)
+        self.memory.note_failure(cause)
+        names = (*scene.names, *self._joints(scene))
+        measured = cause_sentences(cause, scene.names) if self.sees else (NOBODY_KNOWS,)
         reasons: tuple[str, ...] = ()
         # What a reasoner could not put into words has no reason among the objects.
-        if cause.kind != "reasoner_error":
+        if cause.kind != "reasoner_error" and self.sees:
+            facts = self._facts(scene)
+            self.log("evidence", action=action, measured=measured, seen=about(action, facts))
             reasons = diagnose(
-                action, scene.names, describe(scene), measured, self.asker, self.verifier, self.log, self.pictures()
+                action, names, facts, measured, self.asker, self.verifier, self.log, self.pictures()
             ).reasons
         reason = " ".join(dict.fromkeys((*measured, *reasons)))
-        self.attempts.append(FailedAttempt(plan.steps, action, reason))
+        self.attempts.append(FailedAttempt(plan.steps, action, reason, tuple(self.finished)))
         self.log("failed_attempt", action=action, reason=reason)
         self.say(f"supposed reason: {reasons[0] if reasons else reason}")
 
@@ -292,7 +333,8 @@ class _Run:
             if PALM not in (done.spec.primary.subject, done.spec.primary.target):
                 last[done.spec.primary.subject] = done
         named = {n: d for n, d in last.items() if n in self.sight.wanted}
-        return list((named or last).values())
+        # A goal that only asks to find something wants nothing of what was moved on the way.
+        return list((named or ({} if self.observations else last)).values())
 
     def _undone(self, scene: SceneEstimate) -> str:
         """What was achieved and no longer holds; "" if all does."""
@@ -303,6 +345,10 @@ class _Run:
                 undone.append(cause.message)
                 self.achieved = [d for d in self.achieved if d is not done]
                 self.finished = [a for a in self.finished if a != done.action]
+        settled = {d.spec.primary.subject for d in self.achieved}
+        missing = [n for n in self.sight.missing(scene) if n not in settled]
+        if missing:
+            undone.append(self.sight.missing_sentence(scene))
         return "; ".join(undone)
 
     def _held_true(self, scene: SceneEstimate) -> str:

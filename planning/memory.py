@@ -7,6 +7,7 @@ from control.failure import FailureCause
 
 # Causes that lie in the motion itself and say nothing against the plan.
 MOTION_FAILED = "The motion itself failed"
+NOBODY_KNOWS = "It failed."  # all that is said where nobody perceives
 _OF_THE_MOTION = ("lost_grasp", "tracking_error", "refused_by_robot", "reasoner_error")
 
 
@@ -18,11 +19,13 @@ class FailedAttempt:
         executing: The steps of the plan that was carried out.
         action: The step that failed.
         reason: Why, as far as is known, in sentences about objects.
+        after: Steps that had been finished before.
     """
 
     executing: tuple[str, ...]
     action: str
     reason: str
+    after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,20 @@ COLOURS = word_set(
     "red green blue yellow orange purple pink brown black white grey gray cyan magenta turquoise violet silver "
     "gold golden beige"
 )
-ARTICLES = word_set("the a an this that these those my your its some")
+ARTICLES = word_set("the a an this that these those my your its some any")
+LIKE = " coloured like "  # between words for a thing and words for another one that has its colour
+# Nouns that people use for one another; a name's noun and a phrase's noun mean the same when they share a set.
+SYNONYMS = (
+    word_set("cube block brick"),
+    word_set("cabinet cupboard closet"),
+    word_set("crate box"),
+    word_set("bar rod stick"),
+    word_set("lever handle switch"),
+    word_set("sensor plate scale"),
+    word_set("kettle teapot"),
+    word_set("microwave oven"),
+    word_set("bowl dish"),
+)
 
 
 class NameProblem(ValueError):
@@ -77,12 +90,16 @@ def _may_mean(wanted: list[str], name: list[str]) -> bool:
         return False
     plain_wanted = [w for w in wanted if not w.isdigit()]
     plain = [w for w in name if not w.isdigit()]
-    if not plain_wanted or not plain or plain_wanted[-1] != plain[-1]:
+    if not plain_wanted or not plain or not _same_noun(plain_wanted[-1], plain[-1]):
         return False
     said, known = set(plain_wanted[:-1]), set(plain[:-1])
     unsaid = said - known
     # "big red cube" may be red_cube, but "stone cabinet" is not wooden_cabinet.
     return not unsaid or (known <= said and not unsaid & COLOURS)
+
+
+def _same_noun(a: str, b: str) -> bool:
+    return a == b or any(a in nouns and b in nouns for nouns in SYNONYMS)
 
 
 def resolve(phrase: str, names: Sequence[str]) -> str:

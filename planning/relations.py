@@ -5,17 +5,21 @@ All are computed from estimated boxes, with tolerances for 5 mm of pose error.
     a in b       a's centre is over b's footprint, a's footprint is smaller, and a's bottom is more than ON_TOLERANCE
                  below b's top
     a on b       a's centre is over b's footprint and |bottom(a) - top(b)| <= ON_TOLERANCE
+    a in front of b  b has doors, a stands before them within their swing, overlaps them in width and reaches above
+                 their lower edge
     a next to b  neither of these, the gap between the footprints is at most NEAR_GAP and their heights overlap
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from perception.estimates import ObjectEstimate, SceneEstimate
+from planning.furnishings import Front
 
-RelationKind = Literal["on", "in", "next to"]
+RelationKind = Literal["on", "in", "in front of", "next to"]
 ON_TOLERANCE = 0.015  # [m], vertical: twice a 5 mm error of two heights, and slack
 EDGE_TOLERANCE = 0.005  # [m] by which a centre may seem to lie outside the footprint that carries it
 NEAR_GAP = 0.05  # [m], less than the width of an open gripper's fingers beside an object
@@ -33,13 +37,19 @@ class Relation:
         return f"{self.a} is {self.kind} {self.b}"
 
 
-def find_relations(scene: SceneEstimate) -> tuple[Relation, ...]:
-    """All relations of a scene; next-to once per pair, the others from what is carried to what carries."""
+def find_relations(scene: SceneEstimate, fronts: Mapping[str, Front] | None = None) -> tuple[Relation, ...]:
+    """All relations of a scene; next-to once per pair, the others from what is carried to what carries.
+
+    Args:
+        scene: What is seen.
+        fronts: Of furniture with doors, by name; its frame has x from the front to the back.
+    """
+    fronts = fronts or {}
     found: list[Relation] = []
     objects = scene.objects
     for k, a in enumerate(objects):
         for b in objects[k + 1 :]:
-            pair = _stacked(a, b) or _stacked(b, a)
+            pair = _stacked(a, b) or _stacked(b, a) or _before(a, b, fronts) or _before(b, a, fronts)
             if pair is None and _beside(a, b):
                 pair = Relation("next to", a.name, b.name)
             if pair is not None:
@@ -59,6 +69,22 @@ def _stacked(a: ObjectEstimate, b: ObjectEstimate) -> Relation | None:
     if smaller and b_bottom - ON_TOLERANCE <= bottom < b.top:
         return Relation("in", a.name, b.name)
     return None
+
+
+def _before(a: ObjectEstimate, b: ObjectEstimate, fronts: Mapping[str, Front]) -> Relation | None:
+    """Whether a stands where b's doors open into."""
+    front = fronts.get(b.name)
+    if front is None or a.name in fronts:
+        return None
+    b_bottom = b.top - float(b.extents[2])
+    corners = (_footprint(a) - b.position[:2]) @ np.array(
+        [[np.cos(b.yaw), -np.sin(b.yaw)], [np.sin(b.yaw), np.cos(b.yaw)]]
+    )
+    gap = -b.extents[0] / 2 - corners[:, 0].max()  # from the front to a's nearest point
+    beside = np.abs(corners[:, 1]).min() > b.extents[1] / 2
+    if gap < -b.extents[0] / 2 or gap > front.reach or beside or a.top <= b_bottom + front.low:
+        return None
+    return Relation("in front of", a.name, b.name)
 
 
 def _beside(a: ObjectEstimate, b: ObjectEstimate) -> bool:

@@ -1,10 +1,13 @@
 """Bounds of a run, and what it leaves behind."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from control.failure import FailureCause
 from perception.estimates import SceneEstimate
 from planning.answers import Plan
+
+Part = Literal["verifier", "perceiver", "replan"]
 
 
 @dataclass(frozen=True)
@@ -15,6 +18,9 @@ class LoopSettings:
         replans: How often a failed step may be replanned within one plan.
         plans: How many plans may be made from scratch.
         tries: How often one question may be put to a reasoner.
+        without: Parts that are left out, to see what they are worth. Without `verifier` reward programs are taken as
+            they were written and names are not repaired; without `perceiver` nobody says what stands where, why a step
+            failed or what a look shows; without `replan` the first failure is the end.
         max_steps: Steps carried out or attempted in one plan, replans included; the paper's longest task took 17.
     """
 
@@ -22,6 +28,7 @@ class LoopSettings:
     plans: int = 2
     tries: int = 3
     max_steps: int = 20
+    without: frozenset[Part] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
 """What a run looks for: the names of its cell, and whatever else its goal speaks of."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from perception.errors import UnknownPhraseError
 from perception.estimates import SceneEstimate, Unseen
+from planning.furnishings import KnownFurniture
 from planning.goal_language import mentioned_phrases
 from planning.interfaces import Eyes
-from planning.names import as_name, candidates
+from planning.names import as_name, candidates, words_of
 from planning.reasoner import Log
 
 
@@ -19,19 +20,31 @@ class Sight:
         known: The cell's names.
         eyes: Look.
         log: Gets `goal`, and `unlookable` for a name that the detector has no way to look for.
+        furniture: What is known of furniture; words that mean one of its joints mean the furniture.
 
     Attributes:
         names: All that is looked for.
         wanted: Names that the goal may mean.
     """
 
-    def __init__(self, goal: str, known: Sequence[str], eyes: Eyes, log: Log) -> None:
+    def __init__(
+        self,
+        goal: str,
+        known: Sequence[str],
+        eyes: Eyes,
+        log: Log,
+        furniture: Mapping[str, KnownFurniture] | None = None,
+    ) -> None:
         self._eyes = eyes
         self._log = log
+        known = tuple(dict.fromkeys((*known, *(furniture or {}))))
         self._known = frozenset(known)
+        joints = {j.name: j.owner for thing in (furniture or {}).values() for j in thing.joints}
         self._unlookable: dict[str, str] = {}
         phrases = [p for p in mentioned_phrases(goal) if as_name(p)]
-        self._meanings = {as_name(p): tuple(candidates(p, known)) or (as_name(p),) for p in phrases}
+        self._meanings = {
+            as_name(p): tuple(candidates(p, known)) or _owners(p, joints) or (as_name(p),) for p in phrases
+        }
         self.wanted = tuple(dict.fromkeys(n for means in self._meanings.values() for n in means))
         self.names = tuple(dict.fromkeys((*known, *self.wanted)))
         log("goal", goal=goal, names=self.names, wanted=self.wanted)
@@ -74,3 +87,9 @@ class Sight:
         missing = [n.replace("_", " ") for n in self.missing(scene)]
         seen = ", ".join(n.replace("_", " ") for n in scene.names) or "nothing"
         return f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not in view; in view: {seen}"
+
+
+def _owners(phrase: str, joints: Mapping[str, str]) -> tuple[str, ...]:
+    """Furniture with a joint that words like "the left door" may mean."""
+    wanted = set(words_of(phrase))
+    return tuple(dict.fromkeys(owner for joint, owner in joints.items() if wanted <= set(words_of(joint))))

@@ -8,7 +8,7 @@ from control.rewards import RewardSpec
 from planning.answers import parse_description, parse_yes_no
 from planning.reasoner import Asker
 from planning.reward_program import parse_reward_answer
-from planning.verifier import UnservedLineError, Verifier
+from planning.verifier import Checker, UnservedLineError
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Scope:
     observations: tuple[str, ...]
 
 
-def spec_for(action: str, scope: Scope, asker: Asker, verifier: Verifier, log) -> RewardSpec:
+def spec_for(action: str, scope: Scope, asker: Asker, verifier: Checker, log) -> RewardSpec:
     """The reward spec of one motion step.
 
     Args:
@@ -56,7 +56,7 @@ def spec_for(action: str, scope: Scope, asker: Asker, verifier: Verifier, log) -
     return _program(action, scope, lines, relocates, asker, verifier, log)
 
 
-def _program(action: str, scope: Scope, lines: Sequence, relocates: bool, asker: Asker, verifier: Verifier, log):
+def _program(action: str, scope: Scope, lines: Sequence, relocates: bool, asker: Asker, verifier: Checker, log):
     fields = {
         "objects": scope.objects,
         "joints": scope.joints,

@@ -1,6 +1,7 @@
 """The verifier: checks reward calls against the description, picks the primary one, and repairs names."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from control.rewards import PALM, RewardSpec
 from planning.answers import MalformedAnswerError, parse_sentence, parse_step_number, parse_yes_no
@@ -11,6 +12,40 @@ from planning.reward_program import RewardCall, build_spec
 
 class UnservedLineError(ValueError):
     """No reward call serves the line that finishes the subtask; the message tells the program's writer so."""
+
+
+class Checker(Protocol):
+    """What is asked of whoever checks programs and names."""
+
+    def make_spec(
+        self, action: str, calls: Sequence[RewardCall], description: Sequence[DescriptionLine], relocates: bool
+    ) -> RewardSpec: ...
+
+    def repair_names(self, sentence: str, objects: Sequence[str]) -> str: ...
+
+
+class AsWritten:
+    """What is left when nobody verifies: programs are taken as they were written.
+
+    Args:
+        log: Gets `primary`.
+    """
+
+    def __init__(self, log) -> None:
+        self._log = log
+
+    def make_spec(
+        self, action: str, calls: Sequence[RewardCall], description: Sequence[DescriptionLine], relocates: bool
+    ) -> RewardSpec:
+        """All calls; primary is the last one that says so, else the last one."""
+        said = [k for k, call in enumerate(calls) if call.term.primary]
+        chosen = said[-1] if said else len(calls) - 1
+        self._log("primary", call=calls[chosen].text, line=None, written_as_primary=[calls[k].text for k in said])
+        return build_spec([*calls], chosen)
+
+    def repair_names(self, sentence: str, objects: Sequence[str]) -> str:
+        """The sentence as it is."""
+        return sentence
 
 
 class Verifier:

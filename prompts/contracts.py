@@ -56,9 +56,11 @@ _TABLE = (
     # What is in view.
     Contract("perceive_object", "perceiver", ("object", "facts"), "yes_no", needs_image=True),
     # Plans. `replan` and `new_plan` are high_level_plan with what went wrong appended.
-    Contract("high_level_plan", "planner", ("objects", "goal"), "plan"),
-    Contract("replan", "planner", ("objects", "goal", "facts", "finished", "attempts"), "plan"),
-    Contract("new_plan", "planner", ("objects", "goal", "facts", "finished", "attempts", "failed_plans"), "plan"),
+    Contract("high_level_plan", "planner", ("objects", "goal", "facts"), "plan"),
+    Contract("replan", "planner", ("objects", "goal", "facts", "learnt", "finished", "attempts"), "plan"),
+    Contract(
+        "new_plan", "planner", ("objects", "goal", "facts", "learnt", "finished", "attempts", "failed_plans"), "plan"
+    ),
     # Eyes or hands.
     Contract("action_kind", "planner", ("action",), "yes_no"),
     Contract("needs_relocation", "planner", ("action",), "yes_no"),
@@ -79,7 +81,7 @@ _TABLE = (
     Contract("remap_names", "verifier", ("objects", "sentence"), "sentence"),
     Contract("summarize_failure", "planner", ("action", "explanations"), "reasons"),
     # Steps that only look.
-    Contract("perception_questions", "planner", ("goal", "plan", "action", "objects", "sought"), "questions"),
+    Contract("perception_questions", "planner", ("goal", "plan", "action", "objects", "joints", "sought"), "questions"),
     Contract("question_type", "planner", ("question",), "question_type"),
     Contract("answer_question", "perceiver", ("question", "objects", "facts"), "sentence", needs_image=True),
     Contract("action_completed", "planner", ("plan", "action", "observations"), "completion"),

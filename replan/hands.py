@@ -299,6 +299,13 @@ class TwinCheckedHands:
         # A motion may end with something in the hand (a lift); the last thing held is what the gripper still feels.
         held = next((s.held for s in reversed(trajectory.segments) if s.held), None)
         self._held = held if report.final_state.grasped else None
+        if report.reason == "missed_grasp":
+            told = [e for e in trajectory.gripper if e.command.kind == "grasp"]
+            held_before = sum(e.time < report.played * SAMPLE_TIME for e in told) - 1
+            evidence = {"grasps_that_held": max(0, held_before)}
+            return self._failed(
+                FailureCause("lost_grasp", spec.primary.subject, report.detail, check=report.reason, evidence=evidence)
+            )
         if not report.completed:
             kind = "lost_grasp" if report.reason == "lost_grasp" else "tracking_error"
             cause = FailureCause(kind, spec.primary.subject, report.detail, check=report.reason)

@@ -205,22 +205,19 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
             eyes = CameraEyes(client, perception, episode, film, say, watch)
             started = time.monotonic()
-            parts: dict[str, Any] = {}
-            if options.method != "replan":
-                parts["furniture"] = known_furniture(cell.furniture)
-            if METHODS[options.method].symbolic:
-                parts |= {"told": options.told, "keep": episode.keep}
-            result = METHODS[options.method].run(
+            method = METHODS[options.method]
+            result = method.run(
                 options.goal,
                 reasoner=reasoner,
                 eyes=eyes,
                 hands=hands,
-                judge=SeenJudge(hands.palm_position, hands.rest_palm_position),
+                judge=SeenJudge(hands.palm_position, hands.rest_palm_position, cell.furniture),
+                furniture=known_furniture(cell.furniture),
                 known_names=cell.objects,
                 log=episode.log,
                 say=say,
                 pictures=lambda: eyes.pictures,
-                **parts,
+                **({"told": options.told, "keep": episode.keep} if method.symbolic else {}),
             )
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:

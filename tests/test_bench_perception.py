@@ -55,9 +55,9 @@ def test_given_masks_are_perfect_in_all_that_comes_before_geometry():
 
 
 def test_rows_come_in_order_the_same_thing_is_measured_once_and_missing_weights_are_said(capsys):
-    figures = measure(["default", "colour+grabcut", "./nowhere+grabcut"], 1, 0, 1)
-    assert list(figures) == ["default", "colour+grabcut", "./nowhere+grabcut"]
-    assert figures["default"] == figures["colour+grabcut"]
+    figures = measure(["colour", "colour+grabcut", "./nowhere+grabcut"], 1, 0, 1)
+    assert list(figures) == ["colour", "colour+grabcut", "./nowhere+grabcut"]
+    assert figures["colour"] == figures["colour+grabcut"]
     assert "no folder './nowhere'" in figures["./nowhere+grabcut"]["unavailable"]
     text = table(figures)
     assert "not measured: there is no folder './nowhere'" in text

@@ -217,12 +217,27 @@ def test_gripper_commands_are_given_at_their_moments_and_the_pick_completes():
     assert not driver.state().grasped
 
 
-def test_closing_on_nothing_is_a_lost_grasp():
-    driver, _ = perfect_driver(object_width=None)
+def test_closing_on_nothing_ends_the_motion_where_the_hand_stands_and_the_robot_stays_ready():
+    driver, robot = perfect_driver(object_width=None)
     serial = play(driver, PICK)
-    trouble = driver.result(serial).trouble
-    assert driver.mode == "reflex" and trouble is not None
-    assert trouble.code == "lost_grasp" and "holds nothing (width 0 mm)" in trouble.reason
+    result = driver.result(serial)
+    assert (result.outcome, driver.mode, driver.state().last_error) == ("ended_early", "idle", None)
+    assert result.trouble is not None and result.trouble.code == "missed_grasp"
+    assert "holds nothing (width 0 mm)" in result.trouble.reason
+    assert result.played < result.samples
+    assert len(robot.gripper_commands) < len(PICK.gripper)  # nothing of the rest is done
+    assert play(driver, swing(0.5, start=driver.state().q_d))
+
+
+def test_a_stop_on_request_while_a_motion_ends_early_waits_for_a_person():
+    driver, _ = perfect_driver(object_width=None)
+    driver.submit(PICK, certificate(PICK))
+    while driver.mode == "moving":
+        driver.tick()
+    driver.stop()
+    while driver.moving:
+        driver.tick()
+    assert driver.mode == "stopped"
 
 
 def test_an_object_that_slips_away_stops_the_motion():

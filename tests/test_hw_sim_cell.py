@@ -117,7 +117,7 @@ def test_a_wall_that_nobody_saw_stops_the_arm_before_it_is_pushed_hard():
     assert driver.mode == "reflex"
 
 
-def test_closing_on_nothing_is_a_lost_grasp(pick: Trajectory):
+def test_closing_on_nothing_is_a_missed_grasp(pick: Trajectory):
     world = CubeWorld()
     world.data.joint(world.model.body("red_cube").jntadr[0]).qpos[:2] = (0.6, 0.3)
     driver, _ = simulated(world)
@@ -125,7 +125,7 @@ def test_closing_on_nothing_is_a_lost_grasp(pick: Trajectory):
     while driver.moving:
         driver.tick()
     trouble = driver.result(serial).trouble
-    assert trouble is not None and trouble.code == "lost_grasp" and "holds nothing" in trouble.reason
+    assert trouble is not None and trouble.code == "missed_grasp" and "holds nothing" in trouble.reason
 
 
 def test_a_cube_torn_out_of_the_hand_is_a_lost_grasp(pick: Trajectory):

@@ -41,7 +41,7 @@ def test_no_rule_knows_a_thing_of_any_cell():
 
 
 def replan(goal, attempts, finished=(), facts=FACTS, objects=OBJECTS):
-    text = ask("replan", objects=objects, goal=goal, facts=facts, finished=finished, attempts=attempts)
+    text = ask("replan", objects=objects, goal=goal, facts=facts, learnt=(), finished=finished, attempts=attempts)
     return answers.parse_plan(text)
 
 
@@ -97,7 +97,7 @@ def test_finished_clauses_are_not_repeated():
 
 
 def test_lifting_before_placing_is_one_motion():
-    text = ask("high_level_plan", objects=OBJECTS, goal="pick up the red cube and place it on the crate")
+    text = ask("high_level_plan", objects=OBJECTS, facts=FACTS, goal="pick up the red cube and place it on the crate")
     assert answers.parse_plan(text).steps == ("place red_cube on crate",)
 
 

@@ -31,14 +31,16 @@ from planning.names import AmbiguousName, MissingName, closest, mentioned, resol
     ],
 )
 def test_goals_of_one_clause(goal, kind, subject, target):
-    (clause,) = parse_goal(goal)
+    (clause,) = parse_goal(goal).clauses
     assert (clause.kind, clause.subject, clause.target) == (kind, subject, target)
     assert parse_step(clause.as_text()) == clause or clause.kind == "away"
-    assert parse_goal(clause.as_text())[0].as_text() == clause.as_text()
+    assert parse_goal(clause.as_text()).clauses[0].as_text() == clause.as_text()
 
 
 def test_clauses_are_joined_in_order_and_it_means_what_was_named():
-    clauses = parse_goal("Take the lemon out of the bowl, then pick up the apple and put it in the bowl; find the pear")
+    clauses = parse_goal(
+        "Take the lemon out of the bowl, then pick up the apple and put it in the bowl; find the pear"
+    ).clauses
     assert [(c.kind, c.subject, c.target) for c in clauses] == [
         ("away", "lemon", "bowl"),
         ("lift", "apple", None),

@@ -156,7 +156,11 @@ def test_a_goal_that_is_not_understood_names_its_part_and_moves_nothing():
     world = cubes()
     with pytest.raises(GoalError, match="cannot understand 'juggle the cube'"):
         reach("juggle the cube", world)
-    with pytest.raises(GoalError, match="cannot understand 'with the same colour as the crate'"):
+    with pytest.raises(GoalError, match="cannot understand 'near the wall'"):
+        reach("place the red cube on the crate near the wall", world)
+    with pytest.raises(
+        GoalError, match="the colour of crate is not known, so 'cube' of the same colour cannot be told"
+    ):
         reach("place the cube with the same colour as the crate on the crate", world)
     assert world.specs == []
 

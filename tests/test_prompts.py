@@ -10,6 +10,7 @@ FIELDS = {
     "facts": ("red_cube: box of 50 x 50 x 50 mm",),
     "objects": ("red_cube", "crate"),
     "goal": "place the red cube on the crate",
+    "learnt": ("left_door is locked",),
     "finished": ("pick up red_cube",),
     "attempts": (FailedAttempt(("place red_cube on crate",), "place red_cube on crate", "It was hard."),),
     "failed_plans": (FailedPlan("Why not", ("touch crate",), "It did nothing."),),
@@ -83,5 +84,5 @@ def test_replanning_shows_the_goal_prompt_with_the_failed_attempts_after_it():
 
 
 def test_text_of_a_goal_is_never_taken_for_template_code():
-    text = render("high_level_plan", {"objects": (), "goal": "{{ 7 * 7 }} {% for x in y %}"})
+    text = render("high_level_plan", {"objects": (), "facts": (), "goal": "{{ 7 * 7 }} {% for x in y %}"})
     assert "{{ 7 * 7 }} {% for x in y %}" in text

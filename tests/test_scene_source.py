@@ -121,7 +121,8 @@ def test_a_look_of_a_run_is_chosen_by_its_number(tmp_path):
     [
         ({"world_T_object": [[2, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}, r"objects\.0.*not a pose"),
         ({"extents": [0.1, 0.1, -0.1]}, r"extents.*metres and above 0"),
-        ({"colour": "red"}, r"objects\.0\.colour"),
+        ({"color": "red"}, r"objects\.0\.color"),
+        ({"colour": "reddish"}, r"objects\.0\.colour.*'reddish' is no colour word; it must be null or one of red, "),
     ],
 )
 def test_a_perception_result_that_is_not_valid_names_file_and_place(file, change, reason):

@@ -30,7 +30,7 @@ from planning.baselines.pddl import judged_goal
 from planning.baselines.rehearsal import Rehearsal, RehearsingHands
 from planning.baselines.strips import Action, State, SymbolicProblem, TooManyStatesError, shortest_plan, useful
 from planning.baselines.told import read_told
-from planning.baselines.wishes import UnplannableError, goal_of, read_wishes
+from planning.baselines.wishes import UnplannableError, read_wishes
 from planning.furnishings import KnownFurniture
 from planning.interfaces import Eyes, Judge
 from planning.reasoner import Log, Reasoner
@@ -79,10 +79,10 @@ def run_task_and_motion(
     facts = read_told(told, furniture, trial.sight.names)
     first = trial.sight.look()
     try:
-        wishes = read_wishes(goal, first, furniture)
+        wishes = read_wishes(goal, first, furniture, facts)
     except (GoalError, UnplannableError) as error:
         return trial.result(False, str(error), first)
-    problem = symbolic_problem(first, furniture, facts, goal_of(wishes))
+    problem = symbolic_problem(first, furniture, wishes.told, wishes.facts)
     owners = {j.name: f.name for f in furniture.values() for j in f.joints}
     search = _Search(problem, owners, distances(first, furniture), hands, log, say)
     found = search.run(first, max_checks)

@@ -1,0 +1,135 @@
+"""What the rule-based planner knows when it plans, and which things and joints words mean in it."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from control.errors import GoalError
+from planning.goal_language import Clause
+from planning.memory import MOTION_FAILED, FailedAttempt
+from planning.names import LIKE, MissingName, as_name, candidates, colour_of, resolve, words_of
+from planning.scene_facts import JointFact, SceneFacts, read_facts
+
+SAME_FAILURES = 3  # after as many failures in the same words another try is no new information
+_OF_JOINTS = ("open", "close", "pull")
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Everything that a plan is made from.
+
+    Attributes:
+        objects: Names in view.
+        facts: What is seen of them.
+        attempts: Failed steps so far.
+        finished: Finished steps in order.
+    """
+
+    objects: tuple[str, ...]
+    facts: SceneFacts
+    attempts: tuple[FailedAttempt, ...] = ()
+    finished: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, fields: Mapping[str, Any]) -> "Situation":
+        """From the fields of a planning contract."""
+        return cls(
+            tuple(fields["objects"]),
+            read_facts(fields.get("facts", ())),
+            tuple(fields.get("attempts", ())),
+            tuple(fields.get("finished", ())),
+        )
+
+    def failures(self, step: str) -> list[FailedAttempt]:
+        """Failed attempts at a step."""
+        return [a for a in self.attempts if a.action == step]
+
+    def hopeless(self, step: str) -> bool:
+        """Whether a step failed in the same words again and again, and nothing was achieved in between."""
+        last = self.failures(step)[-SAME_FAILURES:]
+        alike = len(last) == SAME_FAILURES and len({(a.reason, a.after) for a in last}) == 1
+        return alike and not last[0].reason.startswith(MOTION_FAILED) and last[-1].after == self.finished
+
+    def done_since(self, attempt: FailedAttempt) -> Counter[str]:
+        """Steps that were finished after a failed attempt."""
+        return Counter(self.finished) - Counter(attempt.after)
+
+    # -- what words mean -----------------------------------------------------------------------------------------
+
+    def meant(self, clause: Clause) -> list[Clause]:
+        """A clause with names of the scene; one about furniture becomes one for each of its joints.
+
+        Raises:
+            MissingName: A thing is neither in view nor can it be out of sight anywhere.
+            AmbiguousName, GoalError: Several things, or one thing twice, may be meant.
+        """
+        if clause.kind in _OF_JOINTS or (clause.kind == "check" and clause.target is None):
+            joints = self._joints_meant(clause.subject, clause.kind)
+            return [Clause(clause.kind, j.name, None, clause.preposition) for j in joints]
+        named = clause.map_names(lambda phrase: self._thing_meant(phrase, clause))
+        if named.subject == named.target:
+            raise GoalError(f"'{clause.subject}' and '{clause.target}' both mean {named.subject}; name two things")
+        return [named]
+
+    def in_view(self, name: str) -> bool:
+        """Whether a thing is seen."""
+        return name in self.objects
+
+    def _thing_meant(self, phrase: str, clause: Clause) -> str:
+        if LIKE in phrase:
+            return self._same_colour(phrase, clause)
+        try:
+            return resolve(phrase, self.objects)
+        except MissingName:
+            # What is out of sight may be behind a door; to look for it is the point of finding.
+            if clause.kind == "find" or self._may_be_hidden(phrase):
+                return next(iter(candidates(phrase, self.facts.unseen)), as_name(phrase))
+            raise
+
+    def _may_be_hidden(self, phrase: str) -> bool:
+        looked_for = candidates(phrase, self.facts.unseen)
+        return bool(looked_for) and any(not j.at_end for j in self.facts.joints.values() if j.role == "door")
+
+    def _same_colour(self, phrase: str, clause: Clause) -> str:
+        noun, like = phrase.split(LIKE)
+        model = resolve(like, self.objects)
+        colour = self._colour(model)
+        if colour is None:
+            raise GoalError(f"the colour of {model} is not known, so '{noun}' of the same colour cannot be told")
+        found = [n for n in candidates(noun, self.objects) if n != model and self._colour(n) == colour]
+        if len(found) != 1:
+            known = ", ".join(f"{n} ({self._colour(n) or 'colour unknown'})" for n in candidates(noun, self.objects))
+            raise GoalError(
+                f"{'no' if not found else 'more than one'} '{noun}' has the colour of {model} ({colour}); "
+                f"in view: {known or 'none'}"
+            )
+        return found[0]
+
+    def _colour(self, name: str) -> str | None:
+        return colour_of(name) or self.facts.colours.get(name)
+
+    def _joints_meant(self, phrase: str, kind: str) -> list[JointFact]:
+        joints = self.facts.joints
+        name = as_name(phrase)
+        if name in joints:
+            return [joints[name]]
+        roles = {"open": ("door", "lever"), "close": ("door", "lever"), "check": ("door", "lever")}.get(
+            kind, ("lever", "plate", "door")
+        )
+        owners = candidates(phrase, sorted({j.owner for j in joints.values()}))
+        found = [j for j in joints.values() if j.owner in owners and j.role in roles]
+        if not found:  # "the left door", "the cabinet door"
+            wanted = set(words_of(phrase))
+            found = [j for j in joints.values() if j.role in roles and wanted <= set(words_of(j.name)) | {j.role}]
+        if len({j.owner for j in found}) > 1:
+            names = " or ".join(sorted({j.owner for j in found}))
+            raise GoalError(f"'{phrase}' may mean a part of {names}; say which one")
+        if not found and candidates(phrase, self.objects):
+            thing = candidates(phrase, self.objects)[0]
+            raise GoalError(
+                f"nothing is known of {thing} that can be moved like that; joints: {sorted(joints) or 'none'}"
+            )
+        if not found:
+            raise MissingName(phrase, [*self.objects, *joints])
+        return found

@@ -1,0 +1,160 @@
+"""Goals in other words on other cells: they speak of cells that can be built, and none is reached before it begins."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+
+from benchmarks.other_words import Row, run_apart, summary
+from benchmarks.other_words_goals import CELLS, GOALS, Ending, WordGoal, at, fulfilled, inside, on, opened
+from perception.ground_truth import CellTruth
+from sim_check.cells import builtin_cells, load_cell
+from sim_check.world import World, build_world
+
+FILES = sorted(CELLS.glob("*.yaml"))
+
+
+def world_of(cell: str, seed: int, options: tuple[str, ...] = ()) -> World:
+    return build_world(load_cell(CELLS / f"{cell}.yaml", dict.fromkeys(options, True)), seed, meshes=False)
+
+
+@cache
+def start_of(cell: str, seed: int, options: tuple[str, ...]) -> CellTruth:
+    return world_of(cell, seed, options).truth()
+
+
+def start(goal: WordGoal) -> CellTruth:
+    return start_of(goal.cell, goal.seed, goal.options)
+
+
+def with_at(truth: CellTruth, name: str, middle: np.ndarray, offset: Sequence[float]) -> CellTruth:
+    pose = np.eye(4)
+    pose[:3, 3] = middle + np.asarray(offset)
+    return replace(truth, things={**truth.things, name: replace(truth.things[name], world_T_object=pose)})
+
+
+def with_fraction(truth: CellTruth, joint: str, fraction: float) -> CellTruth:
+    return replace(truth, joints={**truth.joints, joint: replace(truth.joints[joint], fraction=fraction)})
+
+
+def test_there_are_thirty_goals_each_in_words_of_its_own():
+    assert len(GOALS) == 30
+    assert len({goal.goal.lower() for goal in GOALS.values()}) == 30
+
+
+def test_every_cell_is_used_and_none_is_a_built_in_one():
+    assert {goal.cell for goal in GOALS.values()} == {file.stem for file in FILES}
+    assert not {file.stem for file in FILES} & set(builtin_cells())
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_every_cell_stands_still_and_free_of_overlaps(file):
+    cell = load_cell(file)
+    assert cell.name == file.stem
+    world = world_of(file.stem, 7, tuple(cell.options))
+    assert max(-c.dist for c in world.data.contact[: world.data.ncon]) < 1e-3
+    before = world.truth()
+    for _ in range(500):
+        mujoco.mj_step(world.model, world.data)
+    for name, pose in world.truth().poses.items():
+        assert np.linalg.norm(pose[:3, 3] - at(before, name)) < 1e-3, name
+
+
+@pytest.mark.parametrize("name", GOALS)
+def test_no_goal_is_fulfilled_by_a_run_that_does_nothing_and_says_nothing(name):
+    goal, truth = GOALS[name], start(GOALS[name])
+    for claimed in (True, False):
+        ok, why = fulfilled(goal, Ending(claimed, "", truth, truth))
+        assert not ok and why
+
+
+@pytest.mark.parametrize("name", GOALS)
+def test_every_goal_that_is_no_refusal_and_no_question_about_what_is_in_view_is_open_at_the_start(name):
+    goal = GOALS[name]
+    if goal.reached is not None and name != "lemon_asked_for":
+        assert not goal.reached(start(goal))
+    assert set(goal.may_move) <= set(start(goal).poses)
+
+
+@pytest.mark.parametrize("name", [n for n, g in GOALS.items() if g.reached is None])
+def test_a_refusal_must_name_what_is_not_understood_or_not_there_and_touch_nothing(name):
+    goal, truth = GOALS[name], start(GOALS[name])
+    word = goal.refused[0]
+    assert fulfilled(goal, Ending(False, f"'{word.replace(' ', '_')}' is not there", truth, truth))[0]
+    assert fulfilled(goal, Ending(False, f"do not understand '{word}'"))[0]
+    assert not fulfilled(goal, Ending(False, "something is not there", truth, truth))[0]
+    assert not fulfilled(goal, Ending(True, f"put the {word} there", truth, truth))[0]
+    thing = next(iter(truth.poses))
+    shoved = with_at(truth, thing, at(truth, thing), (0.03, 0.0, 0.0))
+    assert not fulfilled(goal, Ending(False, f"'{word}' is not there", truth, shoved))[0]
+
+
+def test_a_block_that_was_put_on_the_crate_counts_unless_something_else_was_pushed_away():
+    goal, before = GOALS["polite"], start(GOALS["polite"])
+    crate = at(before, "blue_crate")
+    after = with_at(before, "green_block", crate, (0.02, 0.0, 0.03 + 0.02))
+    assert fulfilled(goal, Ending(True, "it is on the crate", before, after)) == (True, "")
+    assert not fulfilled(goal, Ending(False, "not reached", before, after))[0]
+    pushed = with_at(after, "red_crate", at(before, "red_crate"), (0.05, 0.0, 0.0))
+    assert fulfilled(goal, Ending(True, "it is on the crate", before, pushed)) == (False, "moved red_crate")
+
+
+def test_a_block_in_the_air_or_beside_the_crate_is_not_on_it():
+    truth = start(GOALS["polite"])
+    crate = at(truth, "blue_crate")
+    for wrong in ((0.0, 0.0, 0.08), (0.09, 0.0, 0.05)):
+        assert not on("green_block", "blue_crate")(with_at(truth, "green_block", crate, wrong))
+
+
+def test_what_lies_in_a_cupboard_is_inside_and_what_stands_before_or_on_it_is_not():
+    truth = start(GOALS["stow_and_shut"])
+    assert inside("lemon", "cupboard")(truth)
+    assert not inside("blue_cube", "cupboard")(truth)
+    above = (0.0, 0.0, truth.things["cupboard"].extents[2] / 2 + 0.025)
+    assert not inside("blue_cube", "cupboard")(with_at(truth, "blue_cube", at(truth, "cupboard"), above))
+
+
+def test_a_door_counts_as_open_from_half_of_its_way():
+    truth = start(GOALS["oven_door"])
+    assert not opened("oven_door")(with_fraction(truth, "oven_door", 0.49))
+    assert opened("oven_door")(with_fraction(truth, "oven_door", 0.51))
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "right", "wrong"),
+    [
+        ("apple_asked_for", "oven_door", "There is no apple in the oven.", "The apple is in the oven."),
+        ("block_asked_for", "cabinet_door", "The red_block is in the cabinet.", "There is no block in the cabinet."),
+    ],
+)
+def test_a_question_needs_the_true_answer_and_a_look_behind_the_door(name, joint, right, wrong):
+    goal, before = GOALS[name], start(GOALS[name])
+    after = with_fraction(before, joint, 0.9)
+    assert fulfilled(goal, Ending(True, right, before, after))[0]
+    assert not fulfilled(goal, Ending(True, wrong, before, after))[0]
+    assert not fulfilled(goal, Ending(True, right, before, before))[0]
+
+
+def test_a_run_that_takes_too_long_is_ended_and_counts_as_neither_understood_nor_done(tmp_path):
+    row = run_apart("oven_door", tmp_path, limit=0.2)
+    assert (row.parsed, row.planned, row.done, row.folder) == (False, False, False, "")
+    assert row.reason.startswith("not finished after 0.2 s")
+
+
+def test_the_stage_at_which_a_goal_went_wrong_is_the_first_that_was_not_passed():
+    row = Row("polite", True, True, False, 1.0, "", "")
+    assert row.ended_at == "carrying out"
+    assert replace(row, planned=False).ended_at == "planning"
+    assert replace(row, parsed=False, planned=False).ended_at == "parsing"
+    assert replace(row, done=True).ended_at == "done"
+    assert summary([row, replace(row, done=True)]) | {"rows": []} == {
+        "written": "2026-11-26",
+        "goals": 2,
+        "parsed": 2,
+        "planned": 2,
+        "done": 1,
+        "rows": [],
+    }
