@@ -8,17 +8,19 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from control.errors import ConfigError, GoalError
 from perception.options import PerceptionOptions
+from planning.baselines import METHODS
 from planning.reasoners import ReasonerOptions
+from planning.results import LoopSettings, Part
 from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
     from planning.results import StepRecord
-    from replan.stopwatch import Part
+    from replan.stopwatch import Part as PartOfTime
 
 FREE_PORT = "tcp/127.0.0.1:0"  # the process picks one and says which
 
@@ -45,8 +47,8 @@ class RunOptions:
     score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
     without: tuple[str, ...] = ()  # parts of the method that are left out: verifier, perceiver, replan
     method: str = "replan"  # how a goal becomes motions: the method itself, or a baseline that it is compared with
+    told: tuple[str, ...] = ()  # facts for a method that plans with symbols
     poses: Literal["seen", "true"] = "seen"  # "true": of what is in view, from a cell that is scored (benchmarks only)
-    answer_noise: float = 0.0  # share of the reasoner's answers that are spoiled
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class RunReport:
     motions: int
     replans: int
     actions: tuple["StepRecord", ...]
-    seconds_by_part: dict["Part", float]
+    seconds_by_part: dict["PartOfTime", float]
     reasoner: str
     detector: str
     questions: int
@@ -157,12 +159,16 @@ def check_variant(options: RunOptions) -> None:
     Raises:
         ConfigError: One that is asked for.
     """
-    if options.without:
-        raise ConfigError(f"the method cannot be run without {', '.join(options.without)}; leave `without` empty")
-    if options.method != "replan":
-        raise ConfigError(f"there is no method '{options.method}'; there is: replan")
-    if options.answer_noise != 0.0:
-        raise ConfigError(f"answer_noise {options.answer_noise:g} is not available; it must be 0")
+    unknown = [part for part in options.without if part not in get_args(Part)]
+    if unknown:
+        raise ConfigError(f"the method has no part '{unknown[0]}' to leave out; there are: {', '.join(get_args(Part))}")
+    if options.without and options.method != "replan":
+        raise ConfigError(f"only the method 'replan' has parts to leave out; '{options.method}' has none")
+    if options.method not in METHODS:
+        raise ConfigError(f"there is no method '{options.method}'; there are: {', '.join(METHODS)}")
+    if options.told and not METHODS[options.method].symbolic:
+        able = ", ".join(name for name, method in METHODS.items() if method.symbolic)
+        raise ConfigError(f"the method '{options.method}' cannot be told facts (--told); these can: {able}")
     if options.poses not in ("seen", "true"):
         raise ConfigError(f"poses '{options.poses}' are not known; there are: seen, true")
     if options.poses == "true" and not options.score:
@@ -176,7 +182,6 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.furnishings import known_furniture
-    from planning.loop import run_loop
     from planning.reasoners import make_reasoners, reasoner_names
     from planning.usage import UsageLog
     from replan.episode import Episode
@@ -215,7 +220,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
             eyes = CameraEyes(client, perception, episode, film, say, watch)
             started = time.monotonic()
-            result = run_loop(
+            method = METHODS[options.method]
+            result = method.run(
                 options.goal,
                 reasoner=reasoner,
                 eyes=eyes,
@@ -227,6 +233,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 say=say,
                 pictures=lambda: eyes.pictures,
                 by_role=by_role,
+                **({"told": options.told, "keep": episode.keep} if method.symbolic else {}),
+                **({"settings": LoopSettings(without=frozenset(options.without))} if options.without else {}),
             )
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:

@@ -42,6 +42,13 @@ class Run:
     """How things are found in pictures."""
     language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
     """Who answers the questions of planning."""
+    method: Literal[replan, language - to - rewards, one - shot - plan, pddl, "task-and-motion"] = "replan"
+    """How the goal becomes motions: `replan`, or one of the baselines that it is compared with (docs/baselines.md)."""
+    told: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """What no camera sees, for `pddl` and `task-and-motion`: "JOINT is locked until JOINT is open" or "JOINT is blocked
+    by OBJECT"; may be repeated."""
+    without: tyro.conf.UseAppendAction[tuple[Literal[verifier, perceiver, replan], ...]] = ()
+    """Part of the method to leave out, to see what it is worth; may be repeated."""
     runs_dir: Path = Path("runs")
     """Where run folders are made."""
     video: bool = True
@@ -70,6 +77,9 @@ class Run:
                 segmenter=self.perception.segmenter,
                 perception=self.perception.options(),
                 reasoner=self.language.options(self.perception.offline),
+                method=self.method,
+                told=tuple(self.told),
+                without=tuple(self.without),
                 runs_dir=self.runs_dir,
                 video=self.video,
                 acknowledge=self.acknowledge,
