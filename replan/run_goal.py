@@ -132,10 +132,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from replan.film import Film
     from replan.hands import TwinCheckedHands
     from replan.judge import SeenJudge
+    from sim_check.known_forms import known_forms
     from sim_check.known_models import known_models
 
     perception = perception_from_options(
-        options.detector, options.segmenter, options.perception, known_models(cell.furniture)
+        options.detector, options.segmenter, options.perception, known_models(cell.furniture), known_forms()
     )
     reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
