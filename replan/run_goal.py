@@ -191,10 +191,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from replan.judge import SeenJudge
     from replan.stopwatch import Stopwatch
     from replan.true_poses import TruePoses
+    from sim_check.known_forms import known_forms
     from sim_check.known_models import known_models
 
     perception = perception_from_options(
-        options.detector, options.segmenter, options.perception, known_models(cell.furniture)
+        options.detector, options.segmenter, options.perception, known_models(cell.furniture), known_forms()
     )
     episode = Episode.create(options.runs_dir, options.goal)
     film = Film()

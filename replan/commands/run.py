@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -42,12 +42,12 @@ class Run:
     """How things are found in pictures."""
     language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
     """Who answers the questions of planning."""
-    method: Literal[replan, language - to - rewards, one - shot - plan, pddl, "task-and-motion"] = "replan"
+    method: Literal["replan", "language-to-rewards", "one-shot-plan", "pddl", "task-and-motion"] = "replan"
     """How the goal becomes motions: `replan`, or one of the baselines that it is compared with (docs/baselines.md)."""
     told: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """What no camera sees, for `pddl` and `task-and-motion`: "JOINT is locked until JOINT is open" or "JOINT is blocked
     by OBJECT"; may be repeated."""
-    without: tyro.conf.UseAppendAction[tuple[Literal[verifier, perceiver, replan], ...]] = ()
+    without: tyro.conf.UseAppendAction[tuple[Literal["verifier", "perceiver", "replan"], ...]] = ()
     """Part of the method to leave out, to see what it is worth; may be repeated."""
     runs_dir: Path = Path("runs")
     """Where run folders are made."""
