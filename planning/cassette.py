@@ -11,6 +11,7 @@ it failed. A run's own `events.jsonl` is a cassette too: its events `prompt` and
 
 import hashlib
 import json
+import re
 import time
 from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
@@ -133,7 +134,9 @@ class CassetteReasoner:
     """Gives recorded answers again.
 
     Strictly, the next question must be the next one of the cassette. In any order, a question gets the answers that
-    were recorded for exactly it, in their order; asked more often than that, it gets the last one.
+    were recorded for the same words (numbers apart: measured positions differ from look to look), in their order; asked
+    more often than that, it gets the last one. Once a run has departed from its cassette, no question is answered any
+    more, so that what the run makes of a lost answer does not hide where it departed.
 
     Args:
         path: A cassette, or a run's events.jsonl.
@@ -150,7 +153,8 @@ class CassetteReasoner:
         self._next = 0
         self._waiting: dict[tuple[str, str], deque[RecordedAnswer]] = defaultdict(deque)
         for record in self._records:
-            self._waiting[record.contract, prompt_hash(record.prompt)].append(record)
+            self._waiting[record.contract, _words(record.prompt)].append(record)
+        self._departed: str | None = None
 
     @property
     def name(self) -> str:
@@ -165,7 +169,13 @@ class CassetteReasoner:
             UnusableAnswerError, ReasonerError: As recorded.
             ReasonerError: The cassette has no answer to this question; says where the run departed from it.
         """
-        record = self._matching(contract, prompt)
+        if self._departed is not None:
+            raise ReasonerError(self._departed)
+        try:
+            record = self._matching(contract, prompt)
+        except ReasonerError as error:
+            self._departed = str(error)
+            raise
         if record.error is not None:
             raise ReasonerError(record.error)
         if record.unusable is not None:
@@ -174,7 +184,7 @@ class CassetteReasoner:
 
     def _matching(self, contract: str, prompt: str) -> RecordedAnswer:
         if self._any_order:
-            waiting = self._waiting.get((contract, prompt_hash(prompt)))
+            waiting = self._waiting.get((contract, _words(prompt)))
             if not waiting:
                 raise ReasonerError(
                     f"the cassette {self._path} has no answer to this question of '{contract}': "
@@ -251,6 +261,11 @@ def _record(entry: Mapping[str, Any], prompt: str) -> RecordedAnswer:
     if texts["answer"] is None and texts["error"] is None:
         raise KeyError("answer")
     return RecordedAnswer(entry["contract"], prompt, entry["reasoner"], **texts)
+
+
+def _words(prompt: str) -> str:
+    """A prompt with every number written alike."""
+    return re.sub(r"\d+(?:\.\d+)?", "#", prompt.replace("-", ""))
 
 
 def _first_difference(a: str, b: str) -> int:

@@ -103,6 +103,24 @@ def test_in_any_order_a_question_is_found_by_its_text_alone(tmp_path):
         reach(CassetteReasoner(tmp_path / "turned.jsonl", any_order=True), goal="find the crate")
 
 
+def test_positions_that_are_measured_a_little_otherwise_matter_to_a_strict_cassette_only(tmp_path):
+    class Shifted(World):
+        def look(self, names):
+            scene = super().look(names)
+            for o in scene.objects:
+                o.world_T_object.setflags(write=True)
+                o.world_T_object[0, 3] -= 0.001
+            return scene
+
+    recorded(tmp_path / "a.jsonl")
+    world = blocked()
+    shifted = Shifted(dict(world.places), world.carriers)
+    with pytest.raises(ReasonerError, match=r"at question 9 \('diagnose_failure'\): it asks .*0\.399.*has .*0\.400"):
+        reach(CassetteReasoner(tmp_path / "a.jsonl"), world=shifted)
+    shifted = Shifted(dict(world.places), world.carriers)
+    assert reach(CassetteReasoner(tmp_path / "a.jsonl", any_order=True), world=shifted).reached
+
+
 def test_faults_are_recorded_and_come_again(tmp_path):
     class Faulty:
         name = "faulty"
