@@ -65,6 +65,8 @@ class Situation:
             AmbiguousName, GoalError: Several things, or one thing twice, may be meant.
         """
         if clause.kind in _OF_JOINTS or (clause.kind == "check" and clause.target is None):
+            if not self.facts.seen:  # nobody says what can be moved: the words have to do
+                return [clause.map_names(lambda p: next(iter(candidates(p, self.objects)), as_name(p)))]
             joints = self._joints_meant(clause.subject, clause.kind)
             return [Clause(clause.kind, j.name, None, clause.preposition) for j in joints]
         named = clause.map_names(lambda phrase: self._thing_meant(phrase, clause))

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
+from replan.commands.bench_rc import BenchRc
+
 if TYPE_CHECKING:
     from replan.console import Console
 
@@ -190,11 +192,14 @@ class BenchVerdicts:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure: goals in the simulated cell, perception, motions, planners, retiming, causes of failures, verdicts."""
+    """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
+    verdicts.
+    """
 
     name: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[BenchGoals, tyro.conf.subcommand("goals")]
+            | Annotated[BenchRc, tyro.conf.subcommand("rc")]
             | Annotated[BenchMotions, tyro.conf.subcommand("motions")]
             | Annotated[BenchPerception, tyro.conf.subcommand("perception")]
             | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
