@@ -24,6 +24,7 @@ from perception.metrics import compare
 from perception.pipeline import Perception, perception_from_options
 from sim_check.cells import load_cell
 from sim_check.furniture_mjcf import set_fractions
+from sim_check.known_forms import known_forms
 from sim_check.known_models import known_models
 from sim_check.world import World, build_world
 
@@ -177,7 +178,8 @@ def main() -> None:
     seconds: list[float] = []
     for cell_name in args.cells:
         cell = load_cell(cell_name)
-        perception = perception_from_options(args.detector, args.segmenter, known=known_models(cell.furniture))
+        known = known_models(cell.furniture)
+        perception = perception_from_options(args.detector, args.segmenter, known=known, forms=known_forms())
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             world = build_world(cell, seed)
             states = [("start", None), *((f"{f:g}", f) for f in args.fractions if world.furniture)]

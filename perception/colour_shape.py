@@ -12,6 +12,7 @@ import numpy as np
 
 from perception.cleaning import depth_steps
 from perception.cloud import StereoNoise, height_map
+from perception.cut_pieces import CutBlob, join_cut
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection
 from perception.looks import CHROMATIC, Colour, Look, Query, parse_phrase
@@ -74,12 +75,13 @@ class ColourShapeDetector:
             pixels = colour.matches(picture.hsv)
             # A grey foot cannot be told from a grey table, a red one can.
             reach = pixels if colour.word in CHROMATIC else pixels & picture.things
-            for blob in self._blobs(pixels & picture.things, reach, picture.steps):
-                score = self._score(picture, blob, query.look, colour)
+            blobs = self._blobs(pixels & picture.things, reach, picture.steps)
+            scored = [(self._score(picture, b, query.look, colour), b) for b in join_cut(blobs, picture.depth)]
+            for score, blob in _without_parts(scored):
                 if score >= self.settings.threshold:
-                    y, x = np.nonzero(blob)
+                    y, x = np.nonzero(blob.pixels)
                     box = np.array([x.min(), y.min(), x.max() + 1, y.max() + 1], float)
-                    found.append(Detection(query.phrase, box, score, blob))
+                    found.append(Detection(query.phrase, box, score, blob.pixels, blob.behind))
         return found
 
     def _blobs(self, pixels: np.ndarray, reach: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
@@ -109,9 +111,10 @@ class ColourShapeDetector:
                 blobs.append(blob)
         return blobs
 
-    def _score(self, picture: "_Picture", blob: np.ndarray, look: Look, colour: Colour) -> float:
+    def _score(self, picture: "_Picture", cut: CutBlob, look: Look, colour: Colour) -> float:
         """How much a blob looks like the noun, 0..1: product of filling, outline, certainty and size."""
-        outline = measure_outline(blob, picture.depth)
+        blob = cut.pixels
+        outline = measure_outline(cut.whole, picture.depth)
         if outline is None:
             return 0.0
         score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
@@ -168,6 +171,18 @@ class _Picture:
             depth_steps(frame.depth, valid, settings.depth_step),
             frame.intrinsics.fx,
         )
+
+
+def _without_parts(scored: Sequence[tuple[float, CutBlob]]) -> list[tuple[float, CutBlob]]:
+    """Blobs without those that are part of one whose score is as good; the whole is left out if a part's is better."""
+    kept = list(scored)
+    for whole in [item for item in scored if item[1].behind is not None]:
+        parts = [item for item in kept if item is not whole and not (item[1].pixels & ~whole[1].pixels).any()]
+        if whole[0] >= max((score for score, _ in parts), default=0.0):
+            kept = [item for item in kept if not any(item is part for part in parts)]
+        else:
+            kept = [item for item in kept if item is not whole]
+    return kept
 
 
 def _hsv(colour: np.ndarray) -> np.ndarray:

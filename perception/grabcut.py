@@ -124,7 +124,7 @@ class GrabCutSegmenter:
                 cv2.GC_INIT_WITH_MASK,
             )
         cut = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & ~low
-        mask[crop] = _main_piece(cut)
+        mask[crop] = _main_pieces(cut, None if seedless or seed is None else seed[crop])
         return mask
 
     def _standing_piece(
@@ -170,10 +170,18 @@ def _whole_pixels(box: np.ndarray, width: int, height: int) -> tuple[int, int, i
     return max(x0, 0), max(y0, 0), min(x1, width), min(y1, height)
 
 
-def _main_piece(cut: np.ndarray) -> np.ndarray:
-    """The largest connected piece and every other of at least a fifth of its size, bool, same shape."""
+def _main_pieces(cut: np.ndarray, seed: np.ndarray | None) -> np.ndarray:
+    """The largest connected piece, every other of at least a fifth of its size, and those that a start speaks for.
+
+    Args:
+        cut: bool, shape (height, width).
+        seed: Pixels of the thing that were known before, bool, same shape, or None.
+    """
     count, labels, stats, _ = cv2.connectedComponentsWithStats(cut.astype(np.uint8), connectivity=8)
     if count <= 1:
         return cut
     areas = stats[1:, cv2.CC_STAT_AREA]
-    return np.isin(labels, 1 + np.nonzero(areas >= 0.2 * areas.max())[0])
+    kept = areas >= 0.2 * areas.max()
+    if seed is not None:
+        kept |= np.bincount(labels[seed], minlength=count)[1:] >= 0.5 * areas
+    return np.isin(labels, 1 + np.nonzero(kept)[0])

@@ -19,12 +19,14 @@ class Detection:
         score: Confidence, 0..1.
         seed: Pixels by which the detector knew the object, bool, shape (height, width), or None when it has only
             a box. A segmenter may start from it.
+        behind: Pixels between its pieces where something nearer hides it, bool, same shape, or None.
     """
 
     phrase: str
     box_px: np.ndarray
     score: float
     seed: np.ndarray | None = None
+    behind: np.ndarray | None = None
 
 
 class Detector(Protocol):

@@ -131,7 +131,7 @@ def fit_known(
     """
     s = settings or KnownSettings()
     rays = depth_rays(frames, s.noise, s.stride)
-    background = _distance_to(table, rays)
+    background = distance_to_support(table, rays)
     found: dict[str, KnownFit | str] = {}
     taken: list[Solid] = []
     for model in sorted(models, key=lambda m: -float(np.prod(m.extents))):
@@ -393,7 +393,7 @@ class _Scene:
         )  # fmt: skip
 
 
-def _distance_to(table: SupportPlane, rays: DepthRays) -> np.ndarray:
+def distance_to_support(table: SupportPlane, rays: DepthRays) -> np.ndarray:
     """How far the rays see until they meet the support, in [m], infinite where they do not; shape (n,)."""
     a, b = table.slope
     rise = rays.direction[:, 2] - a * rays.direction[:, 0] - b * rays.direction[:, 1]

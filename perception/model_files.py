@@ -12,7 +12,7 @@ from perception.errors import ModelUnavailableError
 
 # One of these holds the weights: a single file, or the list of several.
 WEIGHT_FILES = ("model.safetensors", "model.safetensors.index.json")
-FETCHED = ("*.json", "*.txt", "*.safetensors")
+FETCHED = ("*.json", "*.txt", "*.jinja", "*.model", "*.safetensors")
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Role:
     Attributes:
         name: "detector" or "segmenter", also the name of the option that chooses it.
         needed: The architectures in words.
-        model_types: The same as `model_type` of a config.json.
+        model_types: The same as `model_type` of a config.json; empty when the name alone does not tell.
         example: A hub name that fits.
     """
 
@@ -88,7 +88,7 @@ def check_architecture(folder: Path, model: str, role: Role) -> None:
             f"'{model}' does not hold a {role.name}: {reason}; a {role.name} must be {role.needed}, "
             f"saved by transformers, such as {role.example}"
         ) from error
-    if kind not in role.model_types:
+    if role.model_types and kind not in role.model_types:
         other = next((r for r in (DETECTOR, SEGMENTER) if kind in r.model_types), None)
         hint = f"pass it as --{other.name}" if other else f"choose another model, such as {role.example}"
         raise ModelUnavailableError(

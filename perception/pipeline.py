@@ -12,15 +12,18 @@ from perception.by_noun import ByNounDetector
 from perception.colour_words import colour_of
 from perception.errors import FrameError, ModelUnavailableError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
+from perception.form_fit import FormSettings
+from perception.form_search import find_forms, forms_of
 from perception.frames import RgbdFrame
 from perception.instances import group_by_thing, instance_name
 from perception.interfaces import Detection, Detector, Segmenter
 from perception.known_fit import KnownFit, KnownSettings, fit_known
+from perception.known_forms import KnownForm
 from perception.known_models import KnownModel
 from perception.looks import look_of
 from perception.merging import merge
 from perception.model_files import DETECTOR, SEGMENTER, find_model
-from perception.nms import suppress
+from perception.nms import box_iou, suppress
 from perception.options import PerceptionOptions
 from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
 from perception.refine import Refined
@@ -51,6 +54,8 @@ class Perception:
         instances: How many things one phrase may be; the best box is `name`, further ones name_2, name_3, ...
         known: Things whose shape is known beforehand, by name. They are looked for by their shape in the depth of all
             cameras together; the detector is not asked for them.
+        forms: Things whose form is known up to its sizes, by noun. They too are looked for in the depth of all cameras
+            together; the detector is asked where several things have the form, or none.
     """
 
     detector: Detector
@@ -59,6 +64,7 @@ class Perception:
     options: PerceptionOptions = field(default_factory=PerceptionOptions)
     instances: int = 1
     known: Mapping[str, KnownModel] = field(default_factory=lambda: MappingProxyType({}))
+    forms: Mapping[str, KnownForm] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def name(self) -> str:
@@ -98,9 +104,12 @@ class Perception:
         asked = [self.known[name] for name in wanted if name in self.known]
         table = next((s for s in supports if s.seen), supports[0])
         fits = fit_known(frames, asked, table, KnownSettings(self.settings.noise)) if asked else {}
-        seconds["pose"] += time.perf_counter() - started
         standing = [fit for fit in fits.values() if isinstance(fit, KnownFit)]
-        others = tuple(name for name in wanted if name not in fits)
+        of_form = forms_of([name for name in wanted if name not in fits], self.forms)
+        formed = find_forms(frames, of_form, table, standing, FormSettings(self.settings.noise)) if of_form else {}
+        seconds["pose"] += time.perf_counter() - started
+        formed = {name: self._likeliest(seen, frames) for name, seen in formed.items() if seen}
+        others = tuple(name for name in wanted if name not in fits and name not in formed)
         views = [
             self._look(frame, others, support, standing, seconds)
             for frame, support in zip(frames, supports, strict=True)
@@ -114,6 +123,9 @@ class Perception:
                 continue
             if fit is not None:
                 unseen.append(Unseen(name, fit))
+                continue
+            if name in formed:
+                objects += formed[name]
                 continue
             phrase = name.replace("_", " ")
             seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
@@ -134,6 +146,21 @@ class Perception:
             source=self.name + "".join(f"; camera '{frame.camera}' has no depth" for frame in blind),
             seconds=seconds,
         )
+
+    def _likeliest(self, seen: Sequence[ObjectEstimate], frames: Sequence[RgbdFrame]) -> list[ObjectEstimate]:
+        """At most `instances` of the things that have a form; if there are more, those that the detector finds best."""
+        if len(seen) > self.instances:
+            boxes = {frame.camera: self._boxes(frame, (seen[0].phrase,)) for frame in frames}
+
+            def liking(thing: ObjectEstimate) -> float:
+                pairs = [(e, box) for e in thing.evidence for box in boxes[e.camera]]
+                return sum(box.score * float(box_iou(e.box_px, box.box_px)[0, 0]) for e, box in pairs)
+
+            seen = sorted(seen, key=liking, reverse=True)[: self.instances]
+        names: list[str] = []
+        for thing in seen:
+            names.append(instance_name(thing.name, names))
+        return [replace(thing, name=name) for thing, name in zip(seen, names, strict=True)]
 
     def _look(
         self,
@@ -167,7 +194,7 @@ class Perception:
         missing = dict.fromkeys(names, "no box above the threshold")
         clouds: dict[str, MaskedCloud] = {}
         for name, mask in masks.items():
-            cloud = masked_cloud(frame, mask, support, self.settings)
+            cloud = masked_cloud(frame, mask, support, self.settings, best[name].behind)
             if isinstance(cloud, str):
                 missing[name] = cloud
             else:
@@ -267,6 +294,7 @@ def perception_from_options(
     segmenter: str = "default",
     options: PerceptionOptions | None = None,
     known: Mapping[str, KnownModel] | None = None,
+    forms: Mapping[str, KnownForm] | None = None,
 ) -> Perception:
     """Perception from two words or model names.
 
@@ -277,6 +305,7 @@ def perception_from_options(
             "facebook/sam-vit-base".
         options: How they run and what is kept; its defaults if None.
         known: Things whose shape is known beforehand, by name.
+        forms: Things whose form is known up to its sizes, by noun.
 
     Raises:
         ModelUnavailableError: The weights are not on this machine (and cannot be fetched), or of another kind. They
@@ -284,7 +313,11 @@ def perception_from_options(
     """
     options = options or PerceptionOptions()
     return Perception(
-        _detector(detector, options), _segmenter(segmenter, options), options=options, known=dict(known or {})
+        _detector(detector, options),
+        _segmenter(segmenter, options),
+        options=options,
+        known=dict(known or {}),
+        forms=dict(forms or {}),
     )
 
 

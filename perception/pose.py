@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 
 from perception.cleaning import trusted_depth
@@ -50,6 +51,7 @@ class MaskedCloud:
         depth_share: Share of the mask with known depth, 0..1.
         depth_std: Spread of one point along its ray in [m].
         end: What the picture says about the lower end.
+        whole: The mask with what something nearer hides between its pieces, bool, same shape.
     """
 
     mask: np.ndarray
@@ -58,6 +60,7 @@ class MaskedCloud:
     depth_share: float
     depth_std: float
     end: LowerEnd
+    whole: np.ndarray
 
     @property
     def lowest(self) -> float:
@@ -65,8 +68,22 @@ class MaskedCloud:
         return float(np.quantile(self.points[:, 2], 0.02))
 
 
-def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settings: PoseSettings) -> MaskedCloud | str:
-    """Trusted points of a mask, or the reason why there are too few."""
+def masked_cloud(
+    frame: RgbdFrame,
+    mask: np.ndarray,
+    table: SupportPlane,
+    settings: PoseSettings,
+    behind: np.ndarray | None = None,
+) -> MaskedCloud | str:
+    """Trusted points of a mask, or the reason why there are too few.
+
+    Args:
+        frame: The picture.
+        mask: Pixels of the thing, bool, shape (height, width).
+        table: Where the table is.
+        settings: Of the estimate.
+        behind: Pixels between its pieces where something nearer hides it, bool, same shape; None for one piece.
+    """
     size = int(mask.sum())
     if size == 0:
         return "nothing stands out inside its box"
@@ -79,7 +96,10 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         used = known  # a thing so small or thin that all of it lies beside a step
     points = world_points(frame, used)
     keep = points[:, 2] > table.at(points[:, 0], points[:, 1]) + settings.clearance
-    keep[keep] = largest_cluster(points[keep])
+    if behind is None:
+        keep[keep] = largest_cluster(points[keep])
+    else:
+        keep &= _each_pieces_cluster(used, points, keep)
     used = used.copy()
     used[used] = keep
     points = points[keep]
@@ -92,8 +112,28 @@ def masked_cloud(frame: RgbdFrame, mask: np.ndarray, table: SupportPlane, settin
         points,
         share,
         settings.noise.depth_std(distance, frame.intrinsics.fx),
-        lower_end(frame, mask, np.median(points, 0)),
+        lower_end(frame, mask if behind is None else mask | behind, np.median(points, 0)),
+        mask if behind is None else mask | behind,
     )
+
+
+def _each_pieces_cluster(used: np.ndarray, points: np.ndarray, keep: np.ndarray) -> np.ndarray:
+    """Which points lie in the largest cluster of their piece of the mask, bool, shape (n,).
+
+    Args:
+        used: Pixels of the points, bool, shape (height, width).
+        points: In the world in [m], in the order of the pixels, shape (n, 3).
+        keep: Those that count, bool, shape (n,).
+    """
+    # Depth steps leave gaps of a pixel or two in what is one piece.
+    grown = cv2.dilate(used.astype(np.uint8), np.ones((5, 5), np.uint8))
+    _, labels = cv2.connectedComponents(grown, connectivity=8)
+    piece = labels[used]
+    kept = np.zeros(len(points), bool)
+    for label in np.unique(piece[keep]):
+        own = keep & (piece == label)
+        kept[own] = largest_cluster(points[own])
+    return kept
 
 
 def fit_solid(
@@ -139,7 +179,7 @@ def fit_solid(
         ):
             rests = (solid.bottom, 1.0)
         seen = observe(
-            frame, cloud.mask, cloud.points, cloud.depth_std, patches, solid.top, rests, covering, equal_sides
+            frame, cloud.whole, cloud.points, cloud.depth_std, patches, solid.top, rests, covering, equal_sides
         )
         fitted = refine_ellipsoid(solid, seen) if kind == "ellipsoid" else refine(solid, seen)
         refined[kind] = with_cut_top(fitted, cloud.used, cloud.points)

@@ -15,6 +15,8 @@ FAR_BELOW = 0.10  # a hidden lower end longer than this in [m] more likely rests
 
 # Of a side seen so steeply that its missing foot would be fewer pixels than this nobody can tell whether it is there.
 FORESHORTENED_PX = 10.0
+# A side that would be longer than this cannot lie unseen beneath a thing's own top.
+HIDDEN_SIDE_PX = 40.0
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ def find_bottom(
     if around is not None and lowest - nearest > FAR_BELOW:
         nearest = max([nearest, *(s for s in levels(around) if nearest < s <= lowest + tolerance)])
     top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
+    # A side so large would show beneath the top, however steep the view: a bar that hangs on something is a bar.
+    top_only &= (lowest - nearest) * end.px_per_metre < HIDDEN_SIDE_PX
     unseen = end.hidden or top_only
     if not unseen and lowest - nearest > tolerance:
         if end.drops and (lowest - nearest) * end.px_per_metre < FORESHORTENED_PX:

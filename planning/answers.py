@@ -23,6 +23,18 @@ class MalformedAnswerError(ValueError):
     """An answer that does not have the contract's form; the message tells the one who answered what to change."""
 
 
+class UnusableAnswerError(MalformedAnswerError):
+    """A backend knows by itself that its answer is none: cut off at the length limit, withheld, not of its schema.
+
+    Attributes:
+        text: What there is of it, for the record only.
+    """
+
+    def __init__(self, reason: str, text: str = "") -> None:
+        super().__init__(reason)
+        self.text = text
+
+
 @dataclass(frozen=True)
 class Plan:
     """A plan for a goal.

@@ -52,12 +52,12 @@ def make_plan(fields: Mapping[str, Any]) -> str:
 
 
 def _without_lifts(clauses: Sequence[Clause]) -> list[Clause]:
-    """Whatever is lifted and then put somewhere is lifted on the way."""
+    """Whatever is lifted or taken from somewhere and then put somewhere is moved once."""
     following = [*clauses[1:], None]
     return [
         c
         for c, after in zip(clauses, following, strict=True)
-        if not (c.kind == "lift" and after is not None and after.subject == c.subject and after.target)
+        if not (c.kind in ("lift", "away") and after and after.subject == c.subject and after.kind == "place")
     ]
 
 

@@ -1,18 +1,34 @@
 """What the rule-based planner knows when it plans, and which things and joints words mean in it."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from control.errors import GoalError
+from perception.looks import LOOKS
 from planning.goal_language import Clause
 from planning.memory import MOTION_FAILED, FailedAttempt
-from planning.names import LIKE, MissingName, as_name, candidates, colour_of, resolve, words_of
+from planning.names import (
+    ANYTHING,
+    COLOURS,
+    LIKE,
+    SUPPORTS,
+    AmbiguousName,
+    MissingName,
+    as_name,
+    candidates,
+    colour_of,
+    resolve,
+    words_of,
+)
 from planning.scene_facts import JointFact, SceneFacts, read_facts
 
 SAME_FAILURES = 3  # after as many failures in the same words another try is no new information
 _OF_JOINTS = ("open", "close", "pull")
+# Words for shapes -> words of facts for the solids that have them.
+SHAPES = {"round": "sphere|cylinder", "spherical": "sphere", "square": "box", "angular": "box", "boxy": "box"}
 
 
 @dataclass(frozen=True)
@@ -65,8 +81,12 @@ class Situation:
             AmbiguousName, GoalError: Several things, or one thing twice, may be meant.
         """
         if clause.kind in _OF_JOINTS or (clause.kind == "check" and clause.target is None):
+            if not self.facts.seen:  # nobody says what can be moved: the words have to do
+                return [clause.map_names(lambda p: next(iter(candidates(p, self.objects)), as_name(p)))]
             joints = self._joints_meant(clause.subject, clause.kind)
             return [Clause(clause.kind, j.name, None, clause.preposition) for j in joints]
+        if clause.kind == "place" and words_of(str(clause.target))[-1] in SUPPORTS:
+            return [self._put_down(self._thing_meant(clause.subject, clause))]
         named = clause.map_names(lambda phrase: self._thing_meant(phrase, clause))
         if named.subject == named.target:
             raise GoalError(f"'{clause.subject}' and '{clause.target}' both mean {named.subject}; name two things")
@@ -79,6 +99,8 @@ class Situation:
     def _thing_meant(self, phrase: str, clause: Clause) -> str:
         if LIKE in phrase:
             return self._same_colour(phrase, clause)
+        if words_of(phrase)[-1] in ANYTHING:
+            return self._described(phrase)
         try:
             return resolve(phrase, self.objects)
         except MissingName:
@@ -93,11 +115,11 @@ class Situation:
 
     def _same_colour(self, phrase: str, clause: Clause) -> str:
         noun, like = phrase.split(LIKE)
-        model = resolve(like, self.objects)
-        colour = self._colour(model)
+        model, colour = self._model(like)
         if colour is None:
             raise GoalError(f"the colour of {model} is not known, so '{noun}' of the same colour cannot be told")
-        found = [n for n in candidates(noun, self.objects) if n != model and self._colour(n) == colour]
+        others = (n for n in candidates(noun, self.objects) if n not in (model, clause.target))
+        found = [n for n in others if self._colour(n) == colour]
         if len(found) != 1:
             known = ", ".join(f"{n} ({self._colour(n) or 'colour unknown'})" for n in candidates(noun, self.objects))
             raise GoalError(
@@ -105,6 +127,41 @@ class Situation:
                 f"in view: {known or 'none'}"
             )
         return found[0]
+
+    def _model(self, like: str) -> tuple[str, str | None]:
+        """A thing whose colour is meant, in view or as it usually is ("the colour of a lemon"), and that colour."""
+        if candidates(like, self.objects):
+            model = resolve(like, self.objects)
+            return model, self._colour(model)
+        usual = LOOKS.get(words_of(like)[-1])
+        if usual is None or len(usual.colours) > 1:
+            raise MissingName(like, self.objects)
+        return as_name(like), usual.colours[0]
+
+    def _described(self, phrase: str) -> str:
+        """The one loose thing that words like "the round red thing" describe."""
+        said = words_of(phrase)[:-1]
+        colours = [w for w in said if w in COLOURS]
+        shapes = [SHAPES[w] for w in said if w in SHAPES]
+        if not said or len(said) > len(colours) + len(shapes):
+            raise MissingName(phrase, self.objects)
+        found = [
+            name
+            for name in self.objects
+            if name not in self.facts.furniture
+            and all(self._colour(name) == colour for colour in colours)
+            and all(re.search(rf"\b(?:{shape}) of ", self.facts.seen.get(name, "")) for shape in shapes)
+        ]
+        if len(found) > 1:
+            raise AmbiguousName(phrase, found)
+        if not found:
+            raise MissingName(phrase, self.objects)
+        return found[0]
+
+    def _put_down(self, name: str) -> Clause:
+        """What "put it on the table" comes to: away from what carries it, or a look where it stands there already."""
+        carrier = next((b for a, how, b in self.facts.relations if a == name and how in ("on", "in")), None)
+        return Clause("find", name) if carrier is None else Clause("away", name, carrier)
 
     def _colour(self, name: str) -> str | None:
         return colour_of(name) or self.facts.colours.get(name)

@@ -26,6 +26,7 @@ from typing import Literal
 
 from control.errors import GoalError
 from planning.names import ARTICLES, LIKE, word_set, words_of
+from planning.plain_words import plainer, split_goal, told_where
 
 ClauseKind = Literal["place", "away", "lift", "clear", "find", "reach", "open", "close", "pull", "check"]
 
@@ -40,7 +41,7 @@ _PLACE = (
     "place|put|move|stack|set|lay|bring|carry|drop|transfer|take|stow|insert|store|position|deposit|leave|return|slide"
 )
 _WISH = r"(?:make sure(?: that)?|see to it that|ensure(?: that)?|i (?:want|need|would like)|we (?:want|need))"
-_BE = r"(?:is|are|to be|should be|ends up|belongs|goes)"
+_BE = r"(?:is|are|to be|be|should be|ends up|belongs|goes)"
 _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
     (kind, re.compile(pattern))  # type: ignore[misc]
     for kind, pattern in (
@@ -53,6 +54,7 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
         ("place", rf"(?P<a>.+?) (?:should be|belongs|goes|should go|must be|must go) {_ONTO} (?P<b>.+)"),
         ("find", r"(?:look for|find|search for|locate|where is|show me|is there) (?P<a>.+?) (?:in|inside) (?P<b>.+)"),
         ("find", r"(?:look for|find|search for|locate|where is|show me) (?P<a>.+)"),
+        ("find", r"is (?P<a>.+?) (?:in|inside) (?P<b>.+)"),
         ("open", r"(?:look (?:into|inside of|inside|in)|check|what is (?:in|inside)) (?P<a>.+)"),
         ("open", r"(?:open up|open|unlock|unbolt|slide open|swing open) (?P<a>.+)"),
         ("open", r"(?:pull|push|slide|swing|get) (?P<a>.+?) open"),
@@ -70,13 +72,14 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
         ("place", rf"(?:{_PLACE}) (?P<a>.+?) {_ONTO} (?P<b>.+)"),
         ("lift", r"(?:pick up|lift up|lift|raise|grasp|grab|hold|fetch(?: me)?|bring me|get me|hand me) (?P<a>.+)"),
         ("lift", r"(?:pick|lift) (?P<a>.+) up"),
+        ("lift", r"(?:get|bring|take) (?P<a>[\w ]+)"),
         ("pull", r"(?:pull|press|push|operate|flip|turn|use|activate|switch)(?: on| down)? (?P<a>.+?)(?: down| on)?"),
     )
 )
 _VERBS = word_set(
     "place put move stack set lay bring carry drop transfer take remove get clear keep pull pick lift raise grasp "
     "grab look find search locate where show reach touch go approach open close shut unlock press operate flip "
-    "activate stow insert store deposit leave return fetch empty unload ensure push slide check"
+    "activate stow insert store deposit leave return fetch empty unload ensure push slide check stand"
 )
 # Words that cannot be part of a name: what remains of a clause that says more than the grammar knows.
 _NOT_IN_NAMES = (
@@ -181,18 +184,23 @@ def parse_goal(text: str) -> Goal:
         NotUnderstoodError: No rule fits; the message names the part of the goal.
     """
     whole = " ".join(text.split())
-    parts = _split(whole)
+    parts = split_goal(whole, "|".join(sorted(_VERBS)))
     if not parts:
         raise GoalError(f"the goal is empty; say what to reach, for instance {UNDERSTOOD}")
     clauses: list[Clause] = []
     hints: list[Hint] = []
-    for part in parts:
-        previous = clauses[-1].subject if clauses else None
-        hint = _parse_hint(part, whole, previous)
+    before = _Before()
+    for k, part in enumerate(parts):
+        about = told_where(part) if k + 1 < len(parts) else None
+        if about is not None:
+            before = _Before(subject=_phrase(about, whole, None))
+            continue
+        hint = _parse_hint(part, whole, before.subject)
         if hint is not None:
             hints.append(hint)
-        else:
-            clauses.append(_parse_clause(part, whole, previous))
+            continue
+        clauses += _parse_clauses(part, whole, before)
+        before = _Before(clauses[-1].kind, clauses[-1].subject, clauses[-1].target or before.target)
     if not clauses:
         raise NotUnderstoodError(parts[0], whole, "it tells how something opens, but not what to do")
     return Goal(tuple(clauses), tuple(hints))
@@ -205,6 +213,16 @@ def parse_step(text: str) -> Clause | None:
     except GoalError:
         return None
     return goal.clauses[0] if len(goal.clauses) == 1 and not goal.hints else None
+
+
+def only_compared_with(goal: str) -> frozenset[str]:
+    """Words for things that a goal speaks of for their colour only ("the colour of a lemon")."""
+    try:
+        said = [p for clause in parse_goal(goal).clauses for p in clause.phrases]
+    except GoalError:
+        return frozenset()
+    named = {phrase.split(LIKE)[0] for phrase in said}
+    return frozenset(part for phrase in said for part in phrase.split(LIKE)[1:] if part not in named)
 
 
 def mentioned_phrases(goal: str) -> tuple[str, ...]:
@@ -228,44 +246,8 @@ def mentioned_phrases(goal: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(p for p in phrases if p))
 
 
-def _split(whole: str) -> list[str]:
-    text = re.sub(r"^(?:(?:please|can you|could you|would you|kindly|now|first)[ ,]+)+", "", whole.lower().strip())
-    text = re.sub(r"[ ,]+please\b", "", text).rstrip(".!? ")
-    verbs = "|".join(sorted(_VERBS))
-    parts = re.split(
-        rf"\s*[,;.]?\s*\b(?:and then|then|after that|afterwards)\b[\s,]*|\s*;\s*|\.\s+|,?\s+and\s+(?=(?:{verbs})\b)"
-        rf"|,\s+(?=(?:{verbs})\b)",
-        text,
-    )
-    return [p.strip(" ,.") for p in parts if p and p.strip(" ,.")]
-
-
-def _plain(part: str) -> str:
-    text = " ".join(re.sub(r"[^a-z0-9_ ]", " ", part).split())
-    # "the left door of the cabinet" as "the cabinet left door".
-    text = re.sub(r"\b((?:left |right )?door) (?:of|on) (?:the )?(\w+(?: cabinet| cupboard)?)", r"\2 \1", text)
-    return _with_colours(text)
-
-
-def _with_colours(text: str) -> str:
-    """ "the cube with the same colour as the crate" as "the cube coloured like crate"."""
-    same = re.search(
-        r" (?:(?:that|which) (?:has|is|shares|have) )?(?:(?:with|of|in|having) )?(?:(?:the|a) )?same colou?r"
-        r" (?:as|of|like)(?: that of)? | (?:that|which) (?:matches|match)(?: the colou?r of)? "
-        r"| matching(?: the colou?r of)? ",
-        text,
-    )
-    if same is None:
-        return text
-    rest = text[same.end() :].split()
-    while rest and rest[0] in ARTICLES:
-        rest.pop(0)
-    end = next((k for k, w in enumerate(rest) if w in _NOT_IN_NAMES), len(rest))
-    return " ".join([text[: same.start()] + LIKE + " ".join(rest[:end]), *rest[end:]])
-
-
 def _parse_hint(part: str, whole: str, previous: str | None) -> Hint | None:
-    match = _HINT.fullmatch(_plain(part))
+    match = _HINT.fullmatch(plainer(part, None, None, _NOT_IN_NAMES))
     if match is None:
         return None
     what = " ".join(w for w in words_of(match["what"]) if w not in ("lock", "bolt", "door")) or (previous or "")
@@ -279,23 +261,43 @@ def _parse_hint(part: str, whole: str, previous: str | None) -> Hint | None:
     raise NotUnderstoodError(match["how"], whole, "it does not say what has to be put where, or pulled")
 
 
-def _parse_clause(part: str, whole: str, previous: str | None) -> Clause:
-    text = _plain(part)
+@dataclass(frozen=True)
+class _Before:
+    """What the part before was about, for words that stand for it."""
+
+    kind: ClauseKind | None = None
+    subject: str | None = None
+    target: str | None = None
+
+
+def _parse_clauses(part: str, whole: str, before: _Before) -> list[Clause]:
+    """One clause, or one for each of several things that are to go the same way."""
+    text = plainer(part, before.subject, before.target, _NOT_IN_NAMES)
     for kind, pattern in _PATTERNS:
         match = pattern.fullmatch(text)
         if match:
-            groups = match.groupdict()
-            subject = _phrase(groups["a"], whole, previous)
-            target = _phrase(groups["b"], whole, previous) if groups.get("b") else None
-            how = groups.get("how") or ""
-            if target is not None and words_of(subject) == words_of(target):
-                raise NotUnderstoodError(part, whole, f"it names '{subject}' twice")
-            return Clause(kind, subject, target, how if kind in ("place", "check") else "")
+            return _clauses(kind, match.groupdict(), part, whole, before.subject)
+    if before.kind == "place":  # "then the yellow cube on the blue crate": the verb is the one before
+        match = re.fullmatch(rf"(?P<a>.+?) {_ONTO} (?P<b>.+)", text)
+        if match and text.split()[0] in ARTICLES:
+            return _clauses("place", match.groupdict(), part, whole, before.subject)
     if text.split()[0] in ("remove", "move", "take", "place", "put"):
         why = "it does not say where to, or away from what"
     else:
         why = "no rule fits these words"
     raise NotUnderstoodError(part, whole, why)
+
+
+def _clauses(kind: ClauseKind, groups: dict, part: str, whole: str, previous: str | None) -> list[Clause]:
+    target = _phrase(groups["b"], whole, previous) if groups.get("b") else None
+    how = (groups.get("how") or "") if kind in ("place", "check") else ""
+    clauses = []
+    for words in re.split(r" and (?:also )?", groups["a"]):
+        subject = _phrase(words, whole, previous)
+        if target is not None and words_of(subject) == words_of(target):
+            raise NotUnderstoodError(part, whole, f"it names '{subject}' twice")
+        clauses.append(Clause(kind, subject, target, how))
+    return clauses
 
 
 def _phrase(text: str, whole: str, previous: str | None) -> str:

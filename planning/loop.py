@@ -345,9 +345,9 @@ class _Run:
                 undone.append(cause.message)
                 self.achieved = [d for d in self.achieved if d is not done]
                 self.finished = [a for a in self.finished if a != done.action]
-        settled = {d.spec.primary.subject for d in self.achieved}
-        missing = [n for n in self.sight.missing(scene) if n not in settled]
-        if missing:
+        # What was put somewhere has been judged there, and may be out of sight behind a door that was closed since.
+        settled = {name for d in self.achieved for name in d.spec.primary.names}
+        if any(name not in settled for name in self.sight.missing(scene)):
             undone.append(self.sight.missing_sentence(scene))
         return "; ".join(undone)
 

@@ -35,6 +35,11 @@ SYNONYMS = (
 )
 
 
+# Nouns that say nothing of what a thing is; its other words have to do.
+ANYTHING = word_set("thing object item one something")
+SUPPORTS = word_set("table desk counter floor ground worktop")  # what everything stands on
+
+
 class NameProblem(ValueError):
     """A phrase that means no object, or more than one; the message is a sentence for people."""
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from perception.errors import UnknownPhraseError
 from perception.estimates import SceneEstimate, Unseen
 from planning.furnishings import KnownFurniture
-from planning.goal_language import mentioned_phrases
+from planning.goal_language import mentioned_phrases, only_compared_with
 from planning.interfaces import Eyes
-from planning.names import as_name, candidates, words_of
+from planning.names import ANYTHING, SUPPORTS, as_name, candidates, words_of
 from planning.reasoner import Log
 
 
@@ -41,10 +41,12 @@ class Sight:
         self._known = frozenset(known)
         joints = {j.name: j.owner for thing in (furniture or {}).values() for j in thing.joints}
         self._unlookable: dict[str, str] = {}
-        phrases = [p for p in mentioned_phrases(goal) if as_name(p)]
+        # "the red thing" is no name to look for, and what everything stands on is always there.
+        phrases = [p for p in mentioned_phrases(goal) if as_name(p) and words_of(p)[-1] not in ANYTHING | SUPPORTS]
         self._meanings = {
             as_name(p): tuple(candidates(p, known)) or _owners(p, joints) or (as_name(p),) for p in phrases
         }
+        self._models = {as_name(p) for p in only_compared_with(goal)}
         self.wanted = tuple(dict.fromkeys(n for means in self._meanings.values() for n in means))
         self.names = tuple(dict.fromkeys((*known, *self.wanted)))
         log("goal", goal=goal, names=self.names, wanted=self.wanted)
@@ -80,7 +82,8 @@ class Sight:
 
     def missing(self, scene: SceneEstimate) -> tuple[str, ...]:
         """What the goal speaks of and nothing in view can be; as names."""
-        return tuple(name for name, means in self._meanings.items() if not set(means) & set(scene.names))
+        seen = set(scene.names)
+        return tuple(n for n, means in self._meanings.items() if not set(means) & seen and n not in self._models)
 
     def missing_sentence(self, scene: SceneEstimate) -> str:
         """What is missing and what is there, for people."""

@@ -24,6 +24,20 @@ AnswerForm = Literal[
     "sentence",
 ]
 
+# What reads each form of answer; strict, and what it refuses is asked again with its reason.
+PARSERS: Mapping[AnswerForm, str] = {
+    "yes_no": "planning.answers.parse_yes_no",
+    "plan": "planning.answers.parse_plan",
+    "description": "planning.answers.parse_description",
+    "reward_code": "planning.reward_program.parse_reward_answer",
+    "step": "planning.answers.parse_step_number",
+    "reasons": "planning.answers.parse_reasons",
+    "questions": "planning.answers.parse_questions",
+    "question_type": "planning.answers.parse_question_type",
+    "completion": "planning.answers.parse_completion",
+    "sentence": "planning.answers.parse_sentence",
+}
+
 PHRASINGS = 6  # of diagnose_failure: two questions, each in three wordings
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -41,7 +55,7 @@ class Contract:
         name: Also the name of the template's file.
         role: Which of the three reasoners answers it.
         fields: Names of the values that the template uses, no more and no fewer.
-        answer: Form of the answer; `planning.answers` has one parser for each.
+        answer: Form of the answer; `PARSERS` names what reads it.
         needs_image: Whether a model should be shown the latest pictures with it.
     """
 
@@ -50,6 +64,11 @@ class Contract:
     fields: tuple[str, ...]
     answer: AnswerForm
     needs_image: bool = False
+
+    @property
+    def parser(self) -> str:
+        """Dotted name of the function that reads its answers."""
+        return PARSERS[self.answer]
 
 
 _TABLE = (

@@ -23,7 +23,7 @@ class Finding:
     """One thing that was examined.
 
     Attributes:
-        topic: "package", "rendering", "weights" or "robot".
+        topic: "package", "rendering", "weights", "reasoner" or "robot".
         name: What was examined.
         ok: Whether it is there and works.
         detail: Version, place, or what to do.
@@ -60,13 +60,20 @@ class Findings:
         }
 
 
-def examine(robot_endpoint: str, detector: str = "default", segmenter: str = "default") -> Findings:
+def examine(
+    robot_endpoint: str,
+    detector: str = "default",
+    segmenter: str = "default",
+    server: tuple[str, str | None, str] | None = None,
+) -> Findings:
     """Look at everything; takes a few seconds.
 
     Args:
         robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
         detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
+        server: Address of a language server, model or None, and environment variable of its key; None to ask none.
     """
+    from replan.doctor_reasoners import examine_reasoners
     from replan.doctor_weights import examine_weights
 
     items = [_package(name, use) for name, use in PACKAGES.items()]
@@ -74,6 +81,7 @@ def examine(robot_endpoint: str, detector: str = "default", segmenter: str = "de
     items += [
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
     ]
+    items += [Finding("reasoner", r.name, r.here, r.detail) for r in examine_reasoners(server)]
     items.append(_robot(robot_endpoint))
     return Findings(tuple(items))
 

@@ -91,6 +91,10 @@ class Episode:
         self._counters[stem] = self._counters.get(stem, 0) + 1
         return self.folder / f"{stem}_{self._counters[stem]:03d}.{suffix}"
 
+    def keep(self, name: str, text: str) -> None:
+        """Write a text file of this name into the folder."""
+        (self.folder / name).write_text(text, encoding="utf-8")
+
     def close(self) -> None:
         """Close the log."""
         self._file.close()

@@ -1,6 +1,7 @@
 """Hands of a run: from a reward spec to a motion that was judged in the twin and then played by the robot."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,10 +17,12 @@ from control.motion_search import plan_motion
 from control.retime import retime
 from control.rewards import RewardSpec
 from control.robot import RobotModel
+from control.several_terms import after as after_plan
 from control.trajectory import SAMPLE_TIME, Trajectory
 from control.trajectory_file import write_trajectory
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
+from planning.baselines.rehearsal import Rehearsal
 from planning.interfaces import AttemptResult
 from replan.episode import Episode
 from replan.film import FILM_RATE, Film
@@ -27,6 +30,7 @@ from replan.stopwatch import Stopwatch
 from sim_check.cells import CellConfig
 from sim_check.diagnosis import diagnose
 from sim_check.payloads import held_payloads
+from sim_check.predicted_scene import predicted_scene
 from sim_check.render import render_twin
 from sim_check.twin import build_twin, possible_twins, worlds_to_try
 from sim_check.verdict import judge_trajectory
@@ -35,6 +39,37 @@ if TYPE_CHECKING:
     from hw_interface.client import CellClient, ExecutionReport, Progress
 
 MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Where a motion begins: arm joints in [rad], shape (7,), pads' distance in [m], and what is in the hand."""
+
+    q: np.ndarray
+    gripper_width: float
+    held: str | None
+
+
+@dataclass(frozen=True)
+class _JudgedMotion:
+    """A motion that passed its verdict.
+
+    Attributes:
+        spec: What it achieves.
+        twin, twin_after: Where it was judged, and the same as the motion leaves it.
+        trajectory, verdict: The samples, and what was found about exactly these.
+    """
+
+    spec: RewardSpec
+    twin: TwinModel
+    twin_after: TwinModel
+    trajectory: Trajectory
+    verdict: Verdict
+
+    @property
+    def ends(self) -> _Start:
+        """Where the next motion begins."""
+        return _Start(self.trajectory.q[-1], self.twin_after.gripper_width, self.twin_after.held)
 
 
 class TwinCheckedHands:
@@ -109,16 +144,46 @@ class TwinCheckedHands:
                 that stopped by itself waits for a person, so that ends the run as well.
         """
         with self._watch.part("search"):
-            return self._attempt(spec, scene)
+            found = self._find(spec, scene, self._start())
+            return self._failed(found) if isinstance(found, FailureCause) else self._play(found)
 
-    def _attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
+    def rehearse(
+        self, spec: RewardSpec, scene: SceneEstimate, after: Rehearsal | None = None
+    ) -> Rehearsal | FailureCause:
+        """Find and judge a motion as `attempt` does, and send the robot nothing.
+
+        Args:
+            spec: What to achieve.
+            scene: What was seen, or what a rehearsal says will be.
+            after: The rehearsal that this one follows; None starts where the robot is.
+        """
+        with self._watch.part("search"):
+            found = self._find(spec, scene, self._start() if after is None else after.motion.ends)
+        if isinstance(found, FailureCause):
+            self._episode.log("rehearsed", spec=spec, cause=found)
+            return found
+        self._episode.log("rehearsed", spec=spec, cause=None)
+        return Rehearsal(predicted_scene(scene, found.twin, found.twin_after), found)
+
+    def play(self, rehearsal: Rehearsal) -> AttemptResult:
+        """Play exactly the motion that was rehearsed; the driver refuses it when the arm stands elsewhere.
+
+        Raises:
+            RobotGoneError, StoppedError, KeyboardInterrupt: As for `attempt`.
+        """
+        return self._play(rehearsal.motion)
+
+    def _start(self) -> "_Start":
         state = self._client.state()
-        held = self._held if state.grasped else None
+        return _Start(np.array(state.q_d), state.gripper_width, self._held if state.grasped else None)
+
+    def _find(self, spec: RewardSpec, scene: SceneEstimate, start: "_Start") -> "_JudgedMotion | FailureCause":
+        """A motion that passed its verdict, or why there is none."""
         try:
-            twin = build_twin(self._cell, scene, np.array(state.q_d), state.gripper_width, held)
+            twin = build_twin(self._cell, scene, start.q, start.gripper_width, start.held)
         except StackError as error:
             # What was seen cannot stand like that: a reason to look again, not to end the run.
-            return self._failed(FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}"))
+            return FailureCause("not_seen", spec.primary.subject, f"no twin of what was seen: {error}")
         variants = possible_twins(twin, self._rng, worlds_to_try(twin))
         plan = plan_motion(
             twin,
@@ -133,16 +198,14 @@ class TwinCheckedHands:
             with self._watch.part("diagnosis"):
                 cause = diagnose(twin, spec, plan, self._safety, self._rng, self._kinematics)
             self.steps += int(cause.evidence.get("steps", 0))
-            return self._failed(cause)
+            return cause
         self.steps += plan.stats.steps
         self._say(f"motion: {plan.description} ({plan.stats.steps} steps, {plan.stats.seconds:.1f} s)")
         self._episode.log("motion", description=plan.description, cost=plan.cost, stats=plan.stats)
         judged = self._judge_first_that_passes(plan, twin, spec)
         if isinstance(judged, FailureCause):
-            return self._failed(judged)
-        trajectory, verdict = judged
-        self._film.stills.append(("the twin, from what was seen", render_twin(twin)))
-        return self._play(trajectory, verdict, twin, spec)
+            return judged
+        return _JudgedMotion(spec, twin, after_plan(twin, plan), *judged)
 
     def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         """Why a motion that was played as planned does not show: a lock, or bodies in the way; None for anything else.
@@ -207,7 +270,9 @@ class TwinCheckedHands:
         assert cause is not None  # a plan has at least one path
         return cause
 
-    def _play(self, trajectory: Trajectory, verdict: Verdict, twin: TwinModel, spec: RewardSpec) -> AttemptResult:
+    def _play(self, motion: "_JudgedMotion") -> AttemptResult:
+        spec, trajectory, verdict = motion.spec, motion.trajectory, motion.verdict
+        self._film.stills.append(("the twin, from what was seen", render_twin(motion.twin)))
         state = self._client.state()
         certificate = issue_certificate(
             trajectory,
@@ -215,7 +280,7 @@ class TwinCheckedHands:
             profile=self._limits.profile,
             firmware=self._limits.firmware,
             limits_hash=limits_hash(self._limits, self._safety, self._gripper),
-            scene_stamp=twin.scene_stamp,
+            scene_stamp=motion.twin.scene_stamp,
             now=state.stamp,
         )
         self._episode.log("certificate", certificate=certificate)

@@ -26,6 +26,7 @@ from replan.perceive_tally import Tally
 from replan.progress import Progress
 from replan.result_file import ResultFile
 from sim_check.cells import load_cell
+from sim_check.known_forms import known_forms
 from sim_check.known_models import known_models
 
 FEW = 20  # frames of a recording whose point clouds are written unless it is said otherwise
@@ -94,7 +95,7 @@ class _Run:
             self._given = MasksByFrame(how.masks, self._stream.keys)
         self._names = how.names or (self._given.names if self._given else ())
         known = {} if how.cell is None else known_models(load_cell(how.cell).furniture)
-        embedded = perception_from_options(how.detector, how.segmenter, how.options, known)
+        embedded = perception_from_options(how.detector, how.segmenter, how.options, known, known_forms())
         self._perception = replace(embedded, instances=how.instances)
         self._hinges_deg = {p.name: degrees(p.opened) for m in known.values() for p in m.parts if p.kind == "hinge"}
         self._source = self._perception_for(None)[0].name

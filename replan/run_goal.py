@@ -8,16 +8,19 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from control.errors import ConfigError, GoalError
 from perception.options import PerceptionOptions
+from planning.baselines import METHODS
+from planning.reasoners import ReasonerOptions
+from planning.results import LoopSettings, Part
 from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
     from planning.results import StepRecord
-    from replan.stopwatch import Part
+    from replan.stopwatch import Part as PartOfTime
 
 FREE_PORT = "tcp/127.0.0.1:0"  # the process picks one and says which
 
@@ -36,7 +39,7 @@ class RunOptions:
     detector: str = "default"
     segmenter: str = "default"
     perception: PerceptionOptions = field(default_factory=PerceptionOptions)
-    reasoner: str = "builtin"
+    reasoner: ReasonerOptions = field(default_factory=ReasonerOptions)
     runs_dir: Path = Path("runs")
     video: bool = True
     strip: bool = True
@@ -44,8 +47,8 @@ class RunOptions:
     score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
     without: tuple[str, ...] = ()  # parts of the method that are left out: verifier, perceiver, replan
     method: str = "replan"  # how a goal becomes motions: the method itself, or a baseline that it is compared with
+    told: tuple[str, ...] = ()  # facts for a method that plans with symbols
     poses: Literal["seen", "true"] = "seen"  # "true": of what is in view, from a cell that is scored (benchmarks only)
-    answer_noise: float = 0.0  # share of the reasoner's answers that are spoiled
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,9 @@ class RunReport:
         actions: Every step that was tried, in order.
         seconds_by_part: Wall time in [s] by `replan.stopwatch.PARTS`; they add up to `seconds`.
         reasoner, detector: Which backends answered and saw, plainly named.
+        questions: Answers asked for, repeated ones included.
+        tokens: Of language models, asked and answered; 0 for rules.
+        cost: Of these tokens, in the currency of the prices that were given; 0 without prices.
         folder: The run's folder.
         exit_code: Of the command.
     """
@@ -73,9 +79,12 @@ class RunReport:
     motions: int
     replans: int
     actions: tuple["StepRecord", ...]
-    seconds_by_part: dict["Part", float]
+    seconds_by_part: dict["PartOfTime", float]
     reasoner: str
     detector: str
+    questions: int
+    tokens: int
+    cost: float
     folder: Path
     exit_code: int
 
@@ -96,10 +105,12 @@ class RunReport:
     def as_text(self) -> str:
         """For people."""
         word = "reached" if self.reached else "NOT reached"
+        asked = f"{self.questions} questions" + (f", {self.tokens} tokens" if self.tokens else "")
+        asked += f", cost {self.cost:.4g}" if self.cost else ""
         return (
             f"goal {word}: {self.reason}\n"
             f"  {self.motions} motions, {self.replans} replans, {self.seconds:.1f} s, {self.steps} simulated steps\n"
-            f"  reasoner: {self.reasoner}; perception: {self.detector}\n"
+            f"  reasoner: {self.reasoner} ({asked}); perception: {self.detector}\n"
             f"  record: {self.folder}"
         )
 
@@ -118,6 +129,7 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
 
     Raises:
         GoalError, ConfigError: The goal or the configuration cannot be used; nothing moved.
+        ReasonerError: The language backend is not there, or gave no usable plan.
         RobotGoneError: The robot's process died or froze.
         KeyboardInterrupt: After the arm has come to rest.
     """
@@ -147,12 +159,16 @@ def check_variant(options: RunOptions) -> None:
     Raises:
         ConfigError: One that is asked for.
     """
-    if options.without:
-        raise ConfigError(f"the method cannot be run without {', '.join(options.without)}; leave `without` empty")
-    if options.method != "replan":
-        raise ConfigError(f"there is no method '{options.method}'; there is: replan")
-    if options.answer_noise != 0.0:
-        raise ConfigError(f"answer_noise {options.answer_noise:g} is not available; it must be 0")
+    unknown = [part for part in options.without if part not in get_args(Part)]
+    if unknown:
+        raise ConfigError(f"the method has no part '{unknown[0]}' to leave out; there are: {', '.join(get_args(Part))}")
+    if options.without and options.method != "replan":
+        raise ConfigError(f"only the method 'replan' has parts to leave out; '{options.method}' has none")
+    if options.method not in METHODS:
+        raise ConfigError(f"there is no method '{options.method}'; there are: {', '.join(METHODS)}")
+    if options.told and not METHODS[options.method].symbolic:
+        able = ", ".join(name for name, method in METHODS.items() if method.symbolic)
+        raise ConfigError(f"the method '{options.method}' cannot be told facts (--told); these can: {able}")
     if options.poses not in ("seen", "true"):
         raise ConfigError(f"poses '{options.poses}' are not known; there are: seen, true")
     if options.poses == "true" and not options.score:
@@ -165,9 +181,9 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
 
     from hw_interface.client import CellClient
     from perception.pipeline import perception_from_options
-    from planning.builtin import BuiltinReasoner
     from planning.furnishings import known_furniture
-    from planning.loop import run_loop
+    from planning.reasoners import make_reasoners, reasoner_names
+    from planning.usage import UsageLog
     from replan.episode import Episode
     from replan.eyes import CameraEyes
     from replan.film import Film
@@ -175,20 +191,24 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
     from replan.judge import SeenJudge
     from replan.stopwatch import Stopwatch
     from replan.true_poses import TruePoses
+    from sim_check.known_forms import known_forms
     from sim_check.known_models import known_models
 
     perception = perception_from_options(
-        options.detector, options.segmenter, options.perception, known_models(cell.furniture)
+        options.detector, options.segmenter, options.perception, known_models(cell.furniture), known_forms()
     )
-    reasoner = BuiltinReasoner()
     episode = Episode.create(options.runs_dir, options.goal)
     film = Film()
     with ExitStack() as stack:
         stack.callback(episode.close)
         stack.callback(_write_film, film, episode, options, say)
         limits = cell.robot.limits()
-        episode.log("run", options=options, cell=cell, reasoner=reasoner.name, limits=limits)
+        episode.log("run", options=options, cell=cell, limits=limits)
+        counting = UsageLog(episode.log)
         try:
+            reasoner, by_role = make_reasoners(options.reasoner, options.seed, episode.log, stack, say)
+            answered_by = reasoner_names(reasoner, by_role)
+            episode.log("parts", reasoner=answered_by, perception=perception.name)
             client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
             if options.motion_speed is not None:
@@ -201,7 +221,8 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
             eyes = CameraEyes(client, perception, episode, film, say, watch)
             started = time.monotonic()
-            result = run_loop(
+            method = METHODS[options.method]
+            result = method.run(
                 options.goal,
                 reasoner=reasoner,
                 eyes=eyes,
@@ -209,9 +230,12 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
                 judge=SeenJudge(hands.palm_position, hands.rest_palm_position, cell.furniture),
                 furniture=known_furniture(cell.furniture),
                 known_names=cell.objects,
-                log=episode.log,
+                log=counting,
                 say=say,
                 pictures=lambda: eyes.pictures,
+                by_role=by_role,
+                **({"told": options.told, "keep": episode.keep} if method.symbolic else {}),
+                **({"settings": LoopSettings(without=frozenset(options.without))} if options.without else {}),
             )
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:
@@ -219,6 +243,9 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
         except BaseException as error:
             episode.log("ended_early", error=type(error).__name__, reason=str(error))
             raise
+        finally:
+            episode.log("reasoner_usage", by_contract=counting.as_rows(), total=counting.total())
+        taken = counting.total()
         report = RunReport(
             reached=result.reached,
             reason=result.reason,
@@ -228,8 +255,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             replans=result.replans,
             actions=result.steps,
             seconds_by_part=by_part,
-            reasoner=reasoner.name,
+            reasoner=answered_by,
             detector=perception.name,
+            questions=taken.questions,
+            tokens=taken.tokens_in + taken.tokens_out,
+            cost=taken.cost,
             folder=episode.folder,
             exit_code=DONE if result.reached else NOT_REACHED,
         )

@@ -13,7 +13,7 @@ from control.goal_predicates import TermJudgement
 from control.rewards import RewardSpec, RewardTerm
 from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from planning.baselines.rehearsal import Rehearsal
-from planning.furnishings import JointRole, KnownFurniture, KnownJoint
+from planning.furnishings import Front, JointRole, KnownFurniture, KnownJoint
 from planning.interfaces import AttemptResult
 from tests.symbolic_world import World, estimate
 
@@ -24,7 +24,7 @@ def piece(name: str, role: JointRole, *parts: str) -> KnownFurniture:
     """Furniture with joints named after it, for instance piece("cupboard", "door", "left_door", "right_door")."""
     joints = tuple(KnownJoint(f"{name}_{part}", name, role) for part in parts)
     kind = {"door": "cabinet", "lever": "lever", "plate": "weight_plate"}[role]
-    return KnownFurniture(name, kind, joints, has_inside=role == "door")
+    return KnownFurniture(name, kind, joints, Front(0.1, 0.3) if role == "door" else None)
 
 
 @dataclass

@@ -11,7 +11,7 @@ import numpy as np
 from control.errors import UnknownObjectError
 from control.failure import FailureCause
 from control.goal_predicates import TermJudgement
-from control.rewards import PALM, RewardSpec, RewardTerm
+from control.rewards import PALM, REST_POSITION, RewardSpec, RewardTerm
 from perception.errors import UnknownPhraseError
 from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from planning.interfaces import AttemptResult
@@ -126,13 +126,13 @@ class World:
         for name in term.names:
             if scene.get(name) is None:
                 raise UnknownObjectError(f"no object named '{name}' in this scene; it has {sorted(scene.names)}")
-        if PALM in (term.subject, term.target):
+        if {PALM, REST_POSITION} & {term.subject, term.target}:
             met = self.specs[-1].primary == term  # the next motion takes the palm elsewhere
-            return TermJudgement(met, 0.0 if met else 0.3, f"palm is {'' if met else 'not '}at {term.target}")
+            return TermJudgement(met, 0.0 if met else 0.3, f"{term.subject} is {'' if met else 'not '}at {term.target}")
         a, b = scene.get(term.subject), scene.get(str(term.target))
         assert a is not None
-        if term.kind == "set_obj_z_position":
-            return TermJudgement(True, 0.0, f"{a.name} is up")
+        if term.kind in ("set_obj_z_position", "set_obj_orientation"):
+            return TermJudgement(True, 0.0, f"{a.name} is {'up' if term.kind == 'set_obj_z_position' else 'turned'}")
         assert b is not None
         distance = float(np.linalg.norm(a.position - b.position))
         if term.kind == "maximize_l2_distance":

@@ -57,7 +57,7 @@ def test_the_same_bolt_is_drawn_by_who_was_told_of_it():
     told = ("cupboard_door is locked until lever_rod is open",)
     result = reach("put the red cube in the cupboard", world, told=told)
     assert result.reached and result.reason == "red_cube is in cupboard"
-    assert result.plans[0].steps == ("pull lever_rod", "open cupboard_door", "place red_cube on cupboard")
+    assert result.plans[0].steps == ("pull lever_rod", "open cupboard_door", "place red_cube in cupboard")
 
 
 def test_the_first_motion_that_fails_is_the_end():

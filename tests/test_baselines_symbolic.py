@@ -7,8 +7,7 @@ from planning.baselines.domain import distances, sentence, spec_of, symbolic_pro
 from planning.baselines.pddl_text import write_pddl
 from planning.baselines.strips import shortest_plan, useful
 from planning.baselines.told import Told, read_told
-from planning.baselines.wishes import UnplannableError, goal_of, lasting, read_wishes, wish_of
-from planning.goal_language import Clause
+from planning.baselines.wishes import UnplannableError, read_wishes
 from sim_check.cells import load_cell
 from sim_check.fixed_poses import fixed_scene
 from tests.furnished_world import FurnishedWorld, piece
@@ -32,9 +31,9 @@ def facts_of(of: FurnishedWorld):
 
 def plan_for(goal: str, of: FurnishedWorld, *told: str) -> list[str] | None:
     scene = of.look(NAMES)
-    wanted = goal_of(read_wishes(goal, scene, FURNITURE))
-    problem = symbolic_problem(scene, FURNITURE, read_told(told, FURNITURE, NAMES), wanted)
-    plan = shortest_plan(useful(problem.actions(), wanted), problem.initial, wanted)
+    wishes = read_wishes(goal, scene, FURNITURE, read_told(told, FURNITURE, NAMES))
+    problem = symbolic_problem(scene, FURNITURE, wishes.told, wishes.facts)
+    plan = shortest_plan(useful(problem.actions(), wishes.facts), problem.initial, wishes.facts)
     return None if plan is None else [sentence(a) for a in plan]
 
 
@@ -68,7 +67,7 @@ def test_the_wrong_cube_goes_first():
 def test_doors_that_are_seen_closed_are_opened_first():
     steps = plan_for("put the red cube in the cupboard", world())
     assert steps is not None and set(steps[:2]) == {"open cupboard_left_door", "open cupboard_right_door"}
-    assert steps[2:] == ["place red_cube on cupboard"]
+    assert steps[2:] == ["place red_cube in cupboard"]
 
 
 def test_a_told_lock_puts_the_lever_first_and_an_untold_one_does_not():
@@ -111,14 +110,26 @@ def test_told_facts_that_cannot_be_read_say_what_would_be_valid(told, message):
 
 def test_doors_and_levers_are_wished_for_by_furniture_or_by_joint():
     scene = world(fractions={"cupboard_left_door": 1.0}).look(NAMES)
-    away = distances(scene, FURNITURE)
-    both = wish_of(Clause("open", "cupboard"), scene, FURNITURE, away)  # type: ignore[arg-type]
-    assert both.facts == (("is-open", "cupboard_left_door"), ("is-open", "cupboard_right_door"))
-    assert [(t.kind, t.value) for t in both.terms] == [("set_joint_fraction", 1.0)] * 2
-    one = wish_of(Clause("close", "cupboard left door"), scene, FURNITURE, away)  # type: ignore[arg-type]
-    assert one.facts == (("is-closed", "cupboard_left_door"),)
-    rod = wish_of(Clause("pull", "lever"), scene, FURNITURE, away)  # type: ignore[arg-type]
-    assert rod.facts == (("is-open", "lever_rod"),)
+    both = read_wishes("open the cupboard", scene, FURNITURE)
+    assert both.facts == {("is-open", "cupboard_left_door"), ("is-open", "cupboard_right_door")}
+    assert [(t.kind, t.value) for w in both.all for t in w.terms] == [("set_joint_fraction", 1.0)] * 2
+    one = read_wishes("close the left door of the cupboard", scene, FURNITURE)
+    assert one.facts == {("is-closed", "cupboard_left_door")}
+    rod = read_wishes("pull the lever", scene, FURNITURE)
+    assert rod.facts == {("is-open", "lever_rod")}
+
+
+def test_what_a_goal_tells_of_a_lock_counts_as_told():
+    weight = "open the cupboard; the cupboard opens when the red cube is put on the scale"
+    steps = plan_for(weight, world())
+    assert steps is not None and len(steps) == 3 and steps[0].endswith("on scale")
+    assert plan_for("open the cupboard; the cupboard opens when the lever is pulled", world())[0] == "pull lever_rod"  # type: ignore[index]
+    with pytest.raises(UnplannableError, match="'place red_cube on crate' moves no joint that is known"):
+        plan_for("open the cupboard; the cupboard opens when the red cube is put on the crate", world())
+
+
+def test_clearing_a_thing_is_moving_away_what_rests_on_it():
+    assert plan_for("clear the crate", world()) == ["move yellow_cube away from crate"]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +149,7 @@ def test_goals_without_symbols_say_why(goal, message):
 def test_of_two_wishes_about_one_thing_the_later_one_lasts():
     goal = "put the red cube on the crate; then take the red cube off the crate; then put the yellow cube on the crate"
     wishes = read_wishes(goal, world().look(NAMES), FURNITURE)
-    assert [w.text for w in lasting(wishes)] == ["move red_cube away from crate", "place yellow_cube on crate"]
+    assert [w.text for w in wishes.lasting] == ["move red_cube away from crate", "place yellow_cube on crate"]
 
 
 def test_a_lift_is_the_last_thing_that_a_plan_does():
@@ -161,7 +172,7 @@ def test_things_are_put_further_away_from_furniture_than_from_each_other():
 def test_the_text_has_the_scene_and_what_was_told():
     told = read_told(("cupboard_left_door is locked until lever_rod is open",), FURNITURE, NAMES)
     scene = world().look(NAMES)
-    goal = goal_of(read_wishes("put the red cube in the cupboard", scene, FURNITURE))
+    goal = read_wishes("put the red cube in the cupboard", scene, FURNITURE).facts
     text = write_pddl(symbolic_problem(scene, FURNITURE, told, goal), "scene")
     assert "(:requirements :strips :typing)" in text.domain
     assert "(rests-on yellow_cube crate)" in text.problem and "(is-closed cupboard_left_door)" in text.problem
@@ -194,7 +205,7 @@ def test_scenes_that_come_with_the_program_have_plans(cell, goal, steps):
     config = load_cell(cell, {})
     furniture = known_furniture(config.furniture)
     scene = fixed_scene(config.poses, config.furniture, 0.0, 0.0)
-    wanted = goal_of(read_wishes(goal, scene, furniture))
+    wanted = read_wishes(goal, scene, furniture).facts
     problem = symbolic_problem(scene, furniture, Told(), wanted)
     plan = shortest_plan(useful(problem.actions(), wanted), problem.initial, wanted)
     assert plan is not None and len(plan) == steps

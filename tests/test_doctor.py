@@ -9,7 +9,9 @@ import pytest
 
 from perception import bundled
 from replan.doctor import Finding, Findings, render
+from replan.doctor_reasoners import Backend, examine_reasoners
 from replan.doctor_weights import PUBLISHED, examine_weights
+from tests.language_server import KEY, MODEL, language_server, unused_address
 from tests.perception_models import save_tiny_detector, save_tiny_segmenter
 
 CARD = {"name": "tiny SAM", "made": "2026-11-25", "trained_on": "nothing", "figures": {"mean_IoU": 0.875}}
@@ -96,3 +98,27 @@ def test_the_command_that_fetches_exists():
     client = Path(sys.executable).with_name("hf")
     shown = subprocess.run([client, "download", "--help"], capture_output=True, text=True, check=True)
     assert "REPO_ID" in shown.stdout
+
+
+def test_language_backends_are_listed_and_no_server_is_asked_unless_it_is_named():
+    found = {b.name: b for b in examine_reasoners(None)}
+    assert list(found) == ["builtin", "openai", "transformers", "cassette"] and all(b.here for b in found.values())
+    assert "no server asked; name one with --reasoner-url" in found["openai"].detail
+    assert "torch " in found["transformers"].detail
+
+
+def test_a_language_server_that_is_named_is_asked(monkeypatch):
+    def openai(*server):
+        return examine_reasoners(server)[1]
+
+    with language_server() as server:
+        assert openai(server.url, None, "KEY") == Backend("openai", True, f"{server.url} answers; models: {MODEL}")
+        assert openai(server.url, MODEL, "KEY").detail == f"{MODEL} at {server.url} answers"
+        assert "has no model 'other'" in openai(server.url, "other", "KEY").detail
+        monkeypatch.setenv("KEY", "sk-wrong")
+        server.key = KEY
+        refused = openai(server.url, MODEL, "KEY")
+        assert not refused.here and "refused the key in KEY (401)" in refused.detail
+    gone = openai(unused_address(), None, "KEY")
+    assert not gone.here and "no language server answers at" in gone.detail
+    assert "is no address of a server" in openai("localhost", None, "KEY").detail

@@ -129,3 +129,64 @@ def test_the_closest_name_shares_words_or_letters():
     assert closest("yellow block", NAMES) == "yellow_cube"
     assert closest("aple", NAMES) == "apple"
     assert closest("xylophone", ("cup_1",)) is None
+
+
+@pytest.mark.parametrize(
+    ("goal", "steps"),
+    [
+        ("open the cabinet", ["open cabinet"]),
+        ("Open the left-hand door of the cupboard.", ["open cupboard left door"]),
+        ("push the drawer shut", ["close drawer"]),
+        ("slide the cabinet open", ["open cabinet"]),
+        ("pull the lever down", ["pull lever"]),
+        ("clear the crate", ["clear crate"]),
+        ("take everything off the crate", ["clear crate"]),
+        ("is there a lemon in the microwave?", ["look for lemon in microwave"]),
+        ("Is the red block in the cabinet?", ["look for red block in cabinet"]),
+        ("make sure the oven door is closed", ["close oven door"]),
+        ("Make sure that the apple and the orange are in the bowl.", ["place apple in bowl", "place orange in bowl"]),
+        ("I would like the apple in the bowl", ["place apple in bowl"]),
+        ("the apple belongs in the bowl", ["place apple in bowl"]),
+        ("stow the blue cube in the cabinet and shut it", ["place blue cube in cabinet", "close cabinet"]),
+        ("put it on the crate", None),
+        ("Wherever the block is, fetch it and put it on the crate.", ["pick up block", "place block on crate"]),
+        ("put the cube into the oven, then close its door", ["place cube into oven", "close oven door"]),
+        ("take the lemon out of the bowl and after that put it on the can", ["move lemon away from bowl", "place lemon on can"]),
+        ("place the can on the crate and then the cup on the plate", ["place can on crate", "place cup on plate"]),
+        ("The ball is behind the door: get it and put it in the bowl.", ["pick up ball", "place ball in bowl"]),
+        ("take the yellow cube off the blue one", ["move yellow cube away from blue cube"]),
+        ("place the cube with the same colour as the crate on the crate", ["place cube coloured like crate on crate"]),
+        ("put the block that matches the crate onto the plate", ["place block coloured like crate onto plate"]),
+        ("see whether the door is open", ["see whether door is open"]),
+    ],
+)  # fmt: skip
+def test_many_words_come_down_to_few_steps(goal, steps):
+    if steps is None:
+        with pytest.raises(NotUnderstoodError, match="nothing was named before it"):
+            parse_goal(goal)
+        return
+    assert [c.as_text() for c in parse_goal(goal).clauses] == steps
+
+
+@pytest.mark.parametrize(
+    ("goal", "what", "step"),
+    [
+        (
+            "open the stone_cabinet; its weight-sensor lock opens when the red_cube is put on it",
+            "weight sensor",
+            "place red_cube on weight sensor",
+        ),
+        ("open the oven. It unlocks once the lever is pulled", "it", "pull lever"),
+        ("open the oven; the oven opens when the can is placed on the scale", "oven", "place can on scale"),
+    ],
+)
+def test_a_goal_may_tell_what_opens_a_lock(goal, what, step):
+    (hint,) = parse_goal(goal).hints
+    assert (hint.what, hint.clause.as_text()) == (what, step)
+
+
+def test_a_hint_that_says_nothing_of_use_is_named():
+    with pytest.raises(NotUnderstoodError, match="it does not say what has to be put where, or pulled"):
+        parse_goal("open the oven; it opens when the moon is full")
+    with pytest.raises(NotUnderstoodError, match="it tells how something opens, but not what to do"):
+        parse_goal("the oven opens when the lever is pulled")

@@ -156,11 +156,9 @@ def test_a_goal_that_is_not_understood_names_its_part_and_moves_nothing():
     world = cubes()
     with pytest.raises(GoalError, match="cannot understand 'juggle the cube'"):
         reach("juggle the cube", world)
-    with pytest.raises(GoalError, match="cannot understand 'near the wall'"):
-        reach("place the red cube on the crate near the wall", world)
-    with pytest.raises(
-        GoalError, match="the colour of crate is not known, so 'cube' of the same colour cannot be told"
-    ):
+    with pytest.raises(GoalError, match="cannot understand 'all cubes'"):
+        reach("place all cubes on the crate", world)
+    with pytest.raises(GoalError, match="the colour of crate is not known, so 'cube' of the same colour cannot be"):
         reach("place the cube with the same colour as the crate on the crate", world)
     assert world.specs == []
 
@@ -190,15 +188,6 @@ def test_what_the_twin_knows_of_a_motion_without_effect_is_the_cause():
     world.explanation = FailureCause("locked", "red_cube", "nothing that was seen holds 'red_cube'")
     result = reach("place the red cube on the crate", world)
     assert result.reached and result.causes[0] == world.explanation
-
-
-@pytest.mark.parametrize("kind", ["tracking_error", "lost_grasp", "no_candidate", "refused_by_robot"])
-def test_a_failure_of_the_motion_does_not_abandon_a_sound_plan(kind):
-    world = cubes()
-    world.failures = [FailureCause(kind, "red_cube", "it slipped")]
-    result = reach("place the red cube on the crate", world)
-    assert result.reached
-    assert result.plans[1].steps == ("place red_cube on crate",)
 
 
 def test_after_a_lost_grasp_nothing_innocent_is_moved_away():
@@ -282,35 +271,6 @@ def test_an_unusable_reward_program_is_a_cause_and_not_the_end():
     assert log.of("vote") == []  # objects have no part in it
 
 
-def test_a_wrong_primary_reward_in_the_program_is_overruled():
-    program = (
-        "```\nreset_reward()\nminimize_l2_distance_reward(palm, red_cube, primary_reward=True)\n"
-        "minimize_l2_distance_reward(red_cube, crate)\nexecute_plan()\n```"
-    )
-    world, log = cubes(), Journal()
-    assert reach("place the red cube on the crate", world, reasoner=Overriding(reward_program=program), log=log).reached
-    assert world.specs[0].primary.subject == "red_cube"
-    assert log.of("primary")[0]["overruled"]
-
-
-def test_a_verifier_that_ends_a_relocation_at_the_palm_is_asked_again():
-    reasoner = Overriding(verify_primary="<thought>near</thought><step>1</step>")
-    result = reach("place the red cube on the crate", cubes(), reasoner=reasoner, settings=LoopSettings(0, 1))
-    assert not result.reached
-    assert "line 1 ('palm is close to red_cube') is about the palm" in result.causes[0].message
-
-
-def test_a_summary_against_the_majority_of_votes_is_overruled():
-    reasoner = Overriding(summarize_failure="<reason>The crate is too small.</reason>")
-    log = Journal()
-    result = reach("place the red cube on the crate", cubes(yellow_cube="crate"), reasoner=reasoner, log=log)
-    assert result.reached
-    diagnosis = log.of("diagnosis")[0]
-    assert diagnosis["overruled"] and diagnosis["tally"] == {"yellow_cube": 6}
-    assert "yellow_cube is on crate" in diagnosis["reasons"][0]
-    assert "6 of 6 name yellow_cube" in log.of("malformed")[0]["reason"]
-
-
 def test_votes_of_five_to_one_stand_with_all_votes_kept():
     def vote(fields):
         return "The crate is broken." if fields["phrasing"] == 2 else "yellow_cube is on crate."
@@ -325,15 +285,6 @@ def test_votes_of_five_to_one_stand_with_all_votes_kept():
     votes = [data["vote"] for data in log.of("vote")]
     assert [v.phrasing for v in votes] == [1, 2, 3, 4, 5, 6]
     assert votes[1].blames == ("crate",) and votes[0].blames == ("yellow_cube",)
-
-
-def test_a_diagnosis_about_the_robot_is_kept_but_does_not_count():
-    reasoner = Overriding(diagnose_failure="The gripper is already holding the red_cube.")
-    log = Journal()
-    result = reach("place the red cube on the crate", cubes(yellow_cube="crate"), reasoner=reasoner, log=log)
-    assert {data["vote"].unusable for data in log.of("vote")} == {"it is about the robot"}
-    assert log.of("diagnosis")[0]["reasons"] == ()
-    assert result.reached  # the attempt itself said what was in the way
 
 
 def test_names_that_the_scene_does_not_have_are_replaced_by_the_closest():
@@ -417,18 +368,6 @@ def test_a_blamed_thing_that_stands_far_away_is_left_alone():
     world.failures = [FailureCause("unsafe", "red_cube", "too near", bodies=("yellow_cube",), check="contact")]
     result = reach("place the red cube on the crate", world)
     assert result.reached and result.plans[1].steps == ("place red_cube on crate",)
-
-
-def test_one_lost_vote_does_not_end_the_run():
-    def vote(fields):
-        return "it is blocked and then the answer was cut" if fields["phrasing"] == 4 else "yellow_cube is on crate."
-
-    log = Journal()
-    world = cubes(yellow_cube="crate")
-    assert reach("place the red cube on the crate", world, reasoner=Overriding(diagnose_failure=vote), log=log).reached
-    unusable = [data["vote"].unusable for data in log.of("vote")]
-    assert [u is None for u in unusable] == [True, True, True, False, True, True]
-    assert "seems to be cut off" in unusable[3]
 
 
 def test_each_role_can_have_a_reasoner_of_its_own():

@@ -1,5 +1,7 @@
 """Prompts: one template per contract, with exactly the contract's fields."""
 
+from importlib import import_module
+
 import pytest
 
 from planning.memory import FailedAttempt, FailedPlan
@@ -86,3 +88,17 @@ def test_replanning_shows_the_goal_prompt_with_the_failed_attempts_after_it():
 def test_text_of_a_goal_is_never_taken_for_template_code():
     text = render("high_level_plan", {"objects": (), "facts": (), "goal": "{{ 7 * 7 }} {% for x in y %}"})
     assert "{{ 7 * 7 }} {% for x in y %}" in text
+
+
+def test_every_contract_names_the_function_that_reads_its_answers():
+    for one in CONTRACTS.values():
+        module, _, function = one.parser.rpartition(".")
+        assert callable(getattr(import_module(module), function)), one.name
+
+
+def test_the_table_in_the_documentation_is_the_table_of_contracts():
+    text = (TEMPLATES.parents[1] / "docs" / "loop.md").read_text()
+    for one in CONTRACTS.values():
+        fields = ", ".join(one.fields)
+        row = f"| `{one.name}` | {one.role} | {fields} | {one.answer} | `{one.parser.split('.')[-1]}` |"
+        assert row in text, row

@@ -46,4 +46,10 @@ METHODS: Mapping[str, Method] = {
     "pddl": Method(
         "a classical planner on what is seen and told", "planning.baselines.pddl", "run_pddl", symbolic=True
     ),
+    "task-and-motion": Method(
+        "a search over symbolic plans whose motions the twin checks",
+        "planning.baselines.task_and_motion",
+        "run_task_and_motion",
+        symbolic=True,
+    ),
 }

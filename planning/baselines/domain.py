@@ -22,9 +22,9 @@ from planning.baselines.strips import Action, Fact, Schema, State, SymbolicProbl
 from planning.baselines.told import Told
 from planning.furnishings import KnownFurniture
 from planning.relations import find_relations
+from planning.scene_facts import WIDE
 
 TABLE = "the-table"
-OPEN_SHARE = 0.5  # a joint that is at least this far open counts as open
 AWAY_DISTANCE = 0.2  # [m] between centres; leaves a hand's width (0.2 m) for the next grasp and stays in reach
 LIFT_HEIGHT = 0.25  # [m], of a lifted thing's centre: clear of table-top things, far from the arm's own limits
 LOOSE, ONE_PLACE, INSIDE, PLATE = "loose-thing", "place-for-one", "furniture-inside", "furniture-plate"
@@ -113,7 +113,7 @@ def _facts(scene: SceneEstimate, pieces: Mapping[str, KnownFurniture], told: Tol
     places: dict[str, str] = dict.fromkeys(loose, TABLE)
     for relation in find_relations(scene):
         a, b = relation.a, relation.b
-        if relation.kind == "next to" or a not in places:
+        if relation.kind not in ("on", "in") or a not in places:
             continue
         piece = pieces.get(b)
         if piece is not None and piece.has_inside:
@@ -139,7 +139,7 @@ def _facts(scene: SceneEstimate, pieces: Mapping[str, KnownFurniture], told: Tol
 
 def _is_open(scene: SceneEstimate, owner: str, joint: str) -> bool:
     seen = scene.get(owner)
-    return seen is not None and seen.joint_fractions.get(joint, 0.0) >= OPEN_SHARE
+    return seen is not None and seen.joint_fractions.get(joint, 0.0) >= WIDE
 
 
 def _apart(a: ObjectEstimate, b: ObjectEstimate) -> float:
@@ -301,7 +301,7 @@ def sentence(action: Action) -> str:
     """An action as a step of a plan, for people."""
     match action.skill:
         case ("place", x, y):
-            return f"place {x} on {y}"
+            return f"place {x} {'in' if action.name.startswith('put-in') else 'on'} {y}"
         case ("away", x, y):
             return f"move {x} away from {y}"
         case ("drive", joint, "open"):

@@ -10,12 +10,12 @@ from typing import Any
 from control.errors import ReasonerError
 from control.failure import FailureCause
 from planning.baselines.common import Trial
-from planning.baselines.unverified import unverified_spec
 from planning.furnishings import KnownFurniture
 from planning.interfaces import Eyes, Hands, Judge
 from planning.reasoner import Asker, Log, Reasoner
 from planning.results import GoalResult, LoopSettings
-from planning.subtask import Scope
+from planning.subtask import Scope, spec_for
+from planning.verifier import AsWritten
 from prompts.contracts import Role
 
 
@@ -52,7 +52,7 @@ def run_language_to_rewards(
     asker = Asker(reasoner, log, (settings or LoopSettings()).tries, by_role)
     scene = trial.sight.look()
     try:
-        spec = unverified_spec(goal, Scope(scene.names, trial.joints(scene), (goal,), ()), asker, log)
+        spec = spec_for(goal, Scope(scene.names, trial.joints(scene), (goal,), ()), asker, AsWritten(log), log)
     except ReasonerError as error:
         reason = trial.missing_sentence(scene) or str(error)
         trial.done(goal, FailureCause("reasoner_error", goal, reason))

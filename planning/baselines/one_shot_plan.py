@@ -13,14 +13,14 @@ from control.failure import FailureCause
 from perception.estimates import SceneEstimate
 from planning.answers import Plan, parse_completion, parse_plan, parse_yes_no
 from planning.baselines.common import Trial
-from planning.baselines.unverified import unverified_spec
 from planning.furnishings import KnownFurniture
 from planning.interfaces import Eyes, Hands, Judge
 from planning.names import mentioned
-from planning.perceiver import Perceiver
+from planning.perceiver import Perceiver, describe
 from planning.reasoner import Asker, Log, Reasoner
 from planning.results import GoalResult, LoopSettings
-from planning.subtask import Scope
+from planning.subtask import Scope, spec_for
+from planning.verifier import AsWritten
 from prompts.contracts import Role
 
 
@@ -59,11 +59,11 @@ def run_one_shot_plan(
     trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
     asker = Asker(reasoner, log, settings.tries, by_role)
     scene = trial.sight.look()
-    fields = {"objects": scene.names, "goal": goal}
+    fields = {"objects": scene.names, "goal": goal, "facts": describe(scene, furniture)}
     plan = trial.planned(asker.ask("high_level_plan", fields, parse_plan, pictures(), always_show=True))
     if not plan.steps:
         return trial.result(False, trial.missing_sentence(scene) or plan.thought, scene)
-    run = _OneShot(trial, asker, plan, pictures)
+    run = _OneShot(trial, asker, plan, pictures, furniture)
     queue = list(plan.steps)
     text = ""
     while queue:
@@ -79,12 +79,19 @@ def run_one_shot_plan(
 class _OneShot:
     """Carries out the steps of the one plan."""
 
-    def __init__(self, trial: Trial, asker: Asker, plan: Plan, pictures: Callable[[], Sequence[Any]]) -> None:
+    def __init__(
+        self,
+        trial: Trial,
+        asker: Asker,
+        plan: Plan,
+        pictures: Callable[[], Sequence[Any]],
+        furniture: Mapping[str, KnownFurniture],
+    ) -> None:
         self._trial = trial
         self._asker = asker
         self._plan = plan
         self._pictures = pictures
-        self._perceiver = Perceiver(asker, trial.log)
+        self._perceiver = Perceiver(asker, trial.log, lambda scene: describe(scene, furniture))
         self._observations: list[str] = []
 
     def step(
@@ -101,7 +108,7 @@ class _OneShot:
             return self._look(action, queue)
         scope = Scope(scene.names, self._trial.joints(scene), self._plan.steps, tuple(self._observations))
         try:
-            spec = unverified_spec(action, scope, self._asker, self._trial.log)
+            spec = spec_for(action, scope, self._asker, AsWritten(self._trial.log), self._trial.log)
         except ReasonerError as error:
             cause = FailureCause("reasoner_error", action, str(error))
             self._trial.done(action, cause)
@@ -111,7 +118,9 @@ class _OneShot:
     def _look(self, action: str, queue: list[str]) -> tuple[FailureCause | None, SceneEstimate, str]:
         trial = self._trial
         scene = trial.sight.look()
-        seen = self._perceiver.observe(trial.goal, self._plan.steps, action, scene, self._pictures())
+        seen = self._perceiver.observe(
+            trial.goal, self._plan.steps, action, scene, trial.joints(scene), self._pictures()
+        )
         self._observations += [o for o in seen if o not in self._observations]
         fields = {"plan": self._plan.steps, "action": action, "observations": seen}
         done, remaining = self._asker.ask("action_completed", fields, parse_completion)

@@ -19,7 +19,7 @@ from planning.baselines.pddl_text import write_pddl
 from planning.baselines.solver import PLANNER, NoPlanError, solve_files
 from planning.baselines.strips import Action, SymbolicProblem
 from planning.baselines.told import read_told
-from planning.baselines.wishes import UnplannableError, Wish, goal_of, lasting, read_wishes
+from planning.baselines.wishes import UnplannableError, Wishes, read_wishes
 from planning.furnishings import KnownFurniture
 from planning.interfaces import Eyes, Hands, Judge
 from planning.reasoner import Log, Reasoner
@@ -69,8 +69,8 @@ def run_pddl(
     facts = read_told(told, furniture, trial.sight.names)
     first = trial.sight.look()
     try:
-        wishes = read_wishes(goal, first, furniture)
-        symbols = symbolic_problem(first, furniture, facts, goal_of(wishes))
+        wishes = read_wishes(goal, first, furniture, facts)
+        symbols = symbolic_problem(first, furniture, wishes.told, wishes.facts)
         actions = _plan(symbols, log, keep, solver_seconds) if symbols.goal else ()
     except (GoalError, UnplannableError, NoPlanError) as error:
         return trial.result(False, str(error), first)
@@ -89,7 +89,7 @@ def run_pddl(
     return judged_goal(trial, wishes, scene, first)
 
 
-def judged_goal(trial: Trial, wishes: tuple[Wish, ...], scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
+def judged_goal(trial: Trial, wishes: Wishes, scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
     """The end of a symbolic plan that was carried out: what of the goal is seen to hold.
 
     Args:
@@ -100,14 +100,14 @@ def judged_goal(trial: Trial, wishes: tuple[Wish, ...], scene: SceneEstimate, fi
     """
     seen: list[str] = []
     failed: list[tuple[FailureCause, str]] = []
-    for term in (t for w in lasting(wishes) for t in w.terms):
+    for term in (t for w in wishes.lasting for t in w.terms):
         cause, text = trial.judged(term, scene, first)
         seen.append(text)
         if cause is not None:
             failed.append((cause, text))
     if failed:
         return trial.result(False, "; ".join(text for _, text in failed), scene, [cause for cause, _ in failed])
-    return trial.result(True, "; ".join(seen or [w.text for w in wishes]), scene)
+    return trial.result(True, "; ".join(seen or [w.text for w in wishes.all]), scene)
 
 
 def _plan(symbols: SymbolicProblem, log: Log, keep: Callable[[str, str], None], seconds: float) -> tuple[Action, ...]:

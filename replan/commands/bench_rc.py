@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
+
+from replan.commands.reasoner_flags import ReasonerFlags
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -30,10 +32,8 @@ class BenchRc:
     be followed by +true-poses and +answer-noise=SHARE."""
     poses: Literal["seen", "true"] = "seen"
     """Where poses come from: perception, or the truth of what the cameras show; for all variants."""
-    answer_noise: float = 0.0
-    """Share of the reasoner's answers that are spoiled, 0 to 1; for all variants."""
-    reasoner: Literal["builtin"] = "builtin"
-    """As in `replan run`."""
+    language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
+    """Who answers; --answer-noise holds for all variants that do not say it themselves."""
     detector: str = "default"
     """As in `replan run`."""
     segmenter: str = "default"
@@ -64,10 +64,10 @@ class BenchRc:
             options = RcOptions(
                 runs=self.runs,
                 tasks=self.tasks,
-                variants=tuple(variant_from(v, self.poses, self.answer_noise) for v in self.variants),
+                variants=tuple(variant_from(v, self.poses, self.language.answer_noise) for v in self.variants),
                 folder=self.folder,
                 shard=self.shard,
-                reasoner=self.reasoner,
+                reasoner=self.language.options(offline=False),
                 detector=self.detector,
                 segmenter=self.segmenter,
                 time_limit_s=self.time_limit,

@@ -1,4 +1,4 @@
-"""`replan doctor`: what is installed, what works here, whether a robot answers."""
+"""`replan doctor`: what is installed, what works here, whether a robot and a language server answer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Say what is installed, which rendering works, which model weights are here, and whether a robot answers.
+    """Say what is installed, which rendering works, which weights and language backends are here, and whether a robot
+    answers.
 
     Exit code 0 when a simulated run is possible, else 1.
     """
@@ -26,14 +27,22 @@ class Doctor:
     """Also look at these detector weights: local folder or hub name."""
     segmenter: str = "default"
     """Also look at these segmenter weights: local folder or hub name."""
+    reasoner_url: str | None = None
+    """Address of a language server to look for, usually ending with /v1."""
+    reasoner_model: str | None = None
+    """Also put one short question to this model of it."""
+    reasoner_key_variable: str = "OPENAI_API_KEY"
+    """Environment variable that holds the server's key."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
         """Examine and report."""
-        console.note("examining packages, rendering, model weights and robot")
+        console.note("examining packages, rendering, model weights, language backends and robot")
         from replan.doctor import examine, render
 
-        findings = examine(self.robot, self.detector, self.segmenter)
+        url = self.reasoner_url
+        server = None if url is None else (url, self.reasoner_model, self.reasoner_key_variable)
+        findings = examine(self.robot, self.detector, self.segmenter, server)
         console.result(findings.as_json(), render(findings))
         return 0 if findings.can_simulate else 1

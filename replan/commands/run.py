@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from replan.commands.perception_flags import PerceptionFlags
+from replan.commands.reasoner_flags import ReasonerFlags
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -39,8 +40,15 @@ class Run:
     path. Stays set on the robot; `replan robot speed` changes it while it moves. Default: as the robot is set."""
     perception: tyro.conf.OmitArgPrefixes[PerceptionFlags] = field(default_factory=PerceptionFlags)
     """How things are found in pictures."""
-    reasoner: Literal["builtin"] = "builtin"
-    """Language backend; `builtin` is rules, without network."""
+    language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
+    """Who answers the questions of planning."""
+    method: Literal["replan", "language-to-rewards", "one-shot-plan", "pddl", "task-and-motion"] = "replan"
+    """How the goal becomes motions: `replan`, or one of the baselines that it is compared with (docs/baselines.md)."""
+    told: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """What no camera sees, for `pddl` and `task-and-motion`: "JOINT is locked until JOINT is open" or "JOINT is blocked
+    by OBJECT"; may be repeated."""
+    without: tyro.conf.UseAppendAction[tuple[Literal["verifier", "perceiver", "replan"], ...]] = ()
+    """Part of the method to leave out, to see what it is worth; may be repeated."""
     runs_dir: Path = Path("runs")
     """Where run folders are made."""
     video: bool = True
@@ -68,7 +76,10 @@ class Run:
                 detector=self.perception.detector,
                 segmenter=self.perception.segmenter,
                 perception=self.perception.options(),
-                reasoner=self.reasoner,
+                reasoner=self.language.options(self.perception.offline),
+                method=self.method,
+                told=tuple(self.told),
+                without=tuple(self.without),
                 runs_dir=self.runs_dir,
                 video=self.video,
                 acknowledge=self.acknowledge,

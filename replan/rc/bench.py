@@ -2,10 +2,11 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from planning.reasoners import ReasonerOptions
 from replan.rc.folder import RcFolder, write_whole
 from replan.rc.jobs import make_jobs, shard_of
 from replan.rc.records import setup_now
@@ -23,7 +24,7 @@ class RcOptions:
     variants: tuple[Variant, ...]
     folder: Path
     shard: str = "1/1"
-    reasoner: str = "builtin"
+    reasoner: ReasonerOptions = field(default_factory=ReasonerOptions)
     detector: str = "default"
     segmenter: str = "default"
     time_limit_s: float = 900.0

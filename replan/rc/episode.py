@@ -24,6 +24,7 @@ from replan.rc.tasks import RcTask, task_named
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
     from perception.ground_truth import CellTruth
+    from planning.reasoners import ReasonerOptions
     from replan.run_goal import RunOptions, RunReport
 
 
@@ -39,15 +40,21 @@ def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
         speed=0.0,
         detector=setup.detector,
         segmenter=setup.segmenter,
-        reasoner=setup.reasoner,
+        reasoner=_reasoner(setup, job.variant.answer_noise),
         runs_dir=runs_dir,
         video=False,
         score=True,
         without=job.variant.without,
         method=job.variant.method,
         poses=job.variant.poses,
-        answer_noise=job.variant.answer_noise,
     )
+
+
+def _reasoner(setup: Setup, noise: float) -> "ReasonerOptions":
+    from planning.reasoners import ReasonerOptions
+
+    chosen = {k: tuple(v) if isinstance(v, list) else v for k, v in setup.reasoner.items()}
+    return ReasonerOptions(**chosen, noise=noise)
 
 
 def run_episode(job: Job, setup: Setup, runs_dir: Path) -> EpisodeRecord:

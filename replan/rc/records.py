@@ -1,14 +1,17 @@
 """The record of one episode, and the configuration that it was run with."""
 
 import hashlib
+import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
+
+from planning.reasoners import ReasonerOptions
 
 FORMAT = 1  # of tasks, scoring and records; results of different ones are never mixed
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,11 +27,13 @@ class Setup:
         format: `FORMAT`.
         version: Of this program.
         code: Hash of everything that an episode runs on: sources, prompts, cells.
-        reasoner, detector, segmenter: As in `replan run`.
+        reasoner: Options of the reasoner that are not the default ones, `planning.reasoners.ReasonerOptions`; the share
+            of mistakes made on purpose belongs to the variant.
+        detector, segmenter: As in `replan run`.
         time_limit_s: Longest wall time of an episode in [s].
     """
 
-    reasoner: str
+    reasoner: dict[str, Any]
     detector: str
     segmenter: str
     time_limit_s: float
@@ -41,9 +46,19 @@ class Setup:
         return asdict(self)
 
 
-def setup_now(reasoner: str, detector: str, segmenter: str, time_limit_s: float) -> Setup:
+def setup_now(reasoner: ReasonerOptions, detector: str, segmenter: str, time_limit_s: float) -> Setup:
     """The configuration with this program as it is now."""
-    return Setup(reasoner, detector, segmenter, time_limit_s, FORMAT, version("replan"), code_hash())
+    usual = asdict(ReasonerOptions())
+    chosen = {k: v for k, v in asdict(replace(reasoner, noise=0.0)).items() if v != usual[k]}
+    return Setup(
+        json.loads(json.dumps(chosen, default=str)),
+        detector,
+        segmenter,
+        time_limit_s,
+        FORMAT,
+        version("replan"),
+        code_hash(),
+    )
 
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> str:

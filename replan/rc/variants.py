@@ -1,12 +1,13 @@
 """Variants of the method, as data: what is left out, what replaces it, what it is given."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from control.errors import ConfigError
+from planning.baselines import METHODS
+from planning.results import Part
 
-PARTS = ("verifier", "perceiver", "replan")
-BASELINES = ("language-to-rewards", "one-shot-plan", "pddl", "task-and-motion")
+BASELINES = tuple(name for name in METHODS if name != "replan")
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Variant:
 
 _NAMED = {
     "full": Variant("full"),
-    **{f"no-{part}": Variant(f"no-{part}", without=(part,)) for part in PARTS},
+    **{f"no-{part}": Variant(f"no-{part}", without=(part,)) for part in get_args(Part)},
     **{method: Variant(method, method=method) for method in BASELINES},
 }
 
