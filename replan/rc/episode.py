@@ -77,8 +77,8 @@ def run_episode(job: Job, setup: Setup, runs_dir: Path) -> EpisodeRecord:
             shown.update(_shown(client))
 
     common: dict[str, Any] = {"setup": setup.as_json(), "job": job.as_json(), "commit": commit()}
+    options = options_of(job, setup, runs_dir)
     try:
-        options = options_of(job, setup, runs_dir)
         report = run_goal(options, lambda text: print(text, file=sys.stderr, flush=True), note_truth)
     except EXPECTED_ERRORS as error:
         name = type(error).__name__

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-LOOK_EVERY = 0.5  # [s] between looks at which processes it has started
+LOOK_EVERY = 1.0  # [s] between looks at which processes it has started
 KEPT = 4000  # characters of what it wrote to stderr
 
 

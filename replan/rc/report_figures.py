@@ -10,14 +10,14 @@ from replan.rc.tasks import TASKS
 from replan.stopwatch import PARTS
 from replan.svg_figures import ALLOWED, INK, QUIET, figure_of, svg_text
 
-COLOURS = (INK, "#5b8db8", "#2e7d5b", "#8fbf9f", "#8a5a9e", "#c39bd3", "#a0522d", "#7f8c8d")
+COLOURS = ("#5b8db8", INK, "#2e7d5b", "#8fbf9f", "#8a5a9e", "#c39bd3", "#a0522d", "#7f8c8d")
 PART_COLOURS = ("#5b8db8", INK, "#2e7d5b", "#8fbf9f", "#c39bd3", "#8a5a9e", "#c8a15a")
 
 
 def rates_svg(results: Sequence[VariantResult]) -> str:
     """Success rate of every task as bars by variant, with 95 % intervals; diamonds are the paper's numbers."""
     names = [name for name in TASKS if any(name in r.tasks for r in results)]
-    figure, axes = figure_of(1, 1, (12.0, 3.4), top=0.45)
+    figure, axes = figure_of(1, 1, (12.0, 3.4), top=0.5)
     ax = axes[0][0]
     width = 0.8 / len(results)
     compared = False
@@ -59,5 +59,5 @@ def seconds_svg(result: VariantResult) -> str:
     ax.invert_yaxis()
     ax.set_xlabel("mean wall time of a run [s]", labelpad=1)
     ax.legend(ncols=len(PARTS), fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0, 1.0), borderaxespad=0)
-    figure.subplots_adjust(left=0.12)
+    figure.subplots_adjust(left=0.15)
     return svg_text(figure)
