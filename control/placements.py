@@ -1,9 +1,11 @@
 """Where an object could be put: poses of the object that would meet a reward term, from sizes and places alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from control.door_swings import Swing
 from control.goal_predicates import EDGE_MARGIN, Inside, PosedObject
 from control.safety import SafetyLimits
 
@@ -57,8 +59,11 @@ def away_from(
     rng: np.random.Generator,
     count: int = 24,
     turns: np.ndarray = QUARTERS,
+    swings: Sequence[Swing] = (),
 ) -> list[Placement]:
     """Free places of `a` on the table at a horizontal `distance` [m] or more from `other`, nearest to `a` first.
+
+    Places where it would stand in a door's way are offered only where there are no others.
 
     Args:
         a: Object to be moved, where it is now.
@@ -70,6 +75,7 @@ def away_from(
         rng: Source of randomness.
         count: Most spots to return.
         turns: Turns about the vertical at each spot in [rad], shape (n,), on top of the arm's own swing.
+        swings: Where doors swing.
     """
     radius = float(np.hypot(*_level_sizes(a))) / 2
     low = np.asarray(safety.workspace_low)[:2] + radius
@@ -82,6 +88,8 @@ def away_from(
         reach = float(np.hypot(*np.asarray(thing.extents)[:2])) / 2
         ok &= np.linalg.norm(spots - thing.position[:2], axis=1) >= reach + radius + 0.06
     spots = spots[ok]
+    clear = np.array([not any(s.reaches(spot[None], radius)[0] for s in swings) for spot in spots], bool)
+    spots = spots[clear] if clear.any() else spots
     order = np.argsort(np.linalg.norm(spots - a.position[:2], axis=1))
     height = support_height + a.half_height + RELEASE_GAP
     out = []

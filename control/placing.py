@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.collision_filter import Phase
+from control.door_swings import door_swings
 from control.extraction import LIFT
 from control.goal_predicates import PosedObject, judge_term
 from control.limits import REST_Q, RobotLimits
@@ -96,7 +97,8 @@ def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
         return away_from(body, body.position, -np.inf, others, bench.safety, height, bench.rng, turns=turns)
     at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
     distance = float(task.term.value or 0.0)
-    return away_from(body, at, distance, others, bench.safety, bench.twin.support_height, bench.rng)
+    height, swings = bench.twin.support_height, door_swings(bench.twin)
+    return away_from(body, at, distance, others, bench.safety, height, bench.rng, swings=swings)
 
 
 def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
