@@ -13,7 +13,8 @@ StackError
 ├── RefusedError           the driver refused (reason code and text); nothing moved
 ├── RobotGoneError         the robot process died, froze or never answered
 ├── StoppedError           motion was stopped on request; the arm is at rest on its path
-└── ReasonerError          a language backend failed or kept answering malformed text
+└── ReasonerError          a language backend failed
+    └── NoUsableAnswerError    it kept answering malformed text
 """
 
 
@@ -78,4 +79,8 @@ class StoppedError(StackError):
 
 
 class ReasonerError(StackError):
-    """A language backend failed or kept answering malformed text."""
+    """A language backend failed, or does not know what to do with a question."""
+
+
+class NoUsableAnswerError(ReasonerError):
+    """A language backend kept answering text that does not have the asked form."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from control.errors import ReasonerError
+from control.errors import NoUsableAnswerError
 from planning.answers import MalformedAnswerError, parse_reasons, parse_sentence, usable_vote
 from planning.names import mentioned
 from planning.reasoner import Asker
@@ -97,7 +97,7 @@ def _vote(
     try:
         answer = asker.ask("diagnose_failure", fields, parse_sentence, images)
         sentence = verifier.repair_names(answer, objects)
-    except ReasonerError as error:  # one lost vote of six does not end a run
+    except NoUsableAnswerError as error:  # one lost vote of six does not end a run
         return Vote(phrasing, answer, answer, str(error), ())
     unusable = usable_vote(sentence, objects)
     return Vote(phrasing, answer, sentence, unusable, () if unusable else blamed(sentence, action, objects))
@@ -132,7 +132,7 @@ def _summary(action: str, usable: Sequence[Vote], tally: dict[str, int], asker: 
     fields = {"action": action, "explanations": [v.sentence for v in usable]}
     try:
         return asker.ask("summarize_failure", fields, parse), False
-    except ReasonerError:
+    except NoUsableAnswerError:
         # The votes stand, whatever their summary says.
         if not leaders:
             return (), True

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from control.errors import ReasonerError
+from control.errors import NoUsableAnswerError, ReasonerError
 from planning.answers import MalformedAnswerError, UnusableAnswerError
 from prompts.contracts import Role, contract, render
 
@@ -125,8 +125,8 @@ class Asker:
             always_show: Whether the pictures go along even where the contract needs none.
 
         Raises:
-            ReasonerError: No usable answer within the allowed tries, the backend failed, or a name of the scene is not
-                one that may stand in a prompt.
+            NoUsableAnswerError: No usable answer within the allowed tries.
+            ReasonerError: The backend failed, or a name of the scene is not one that may stand in a prompt.
             ContractError: Not the contract's fields.
         """
         _check_names(name, fields)
@@ -142,7 +142,7 @@ class Asker:
             except MalformedAnswerError as error:
                 reason = str(error)
                 self._log("malformed", contract=name, reasoner=reasoner.name, attempt=k, reason=reason)
-        raise ReasonerError(
+        raise NoUsableAnswerError(
             f"{reasoner.name} gave no usable answer to '{name}' in {self.tries} tries; the last fault: {reason}"
         )
 

@@ -419,3 +419,18 @@ def test_of_several_unknown_words_only_those_that_cannot_be_looked_for_are_given
     result = reach("put the pear in the bowl then put the gizmo in the bowl", world, names=("bowl",), log=log)
     assert result.reason == "gizmo is not in view; in view: bowl, pear"
     assert [data["name"] for data in log.of("unlookable")] == ["gizmo"]
+
+
+def test_a_backend_that_fails_in_the_middle_of_a_diagnosis_ends_the_run_at_once():
+    def gone(fields):
+        raise ReasonerError("the language server broke off; look at its log")
+
+    log = Journal()
+    with pytest.raises(ReasonerError, match="the language server broke off"):
+        reach(
+            "place the red cube on the crate",
+            cubes(yellow_cube="crate"),
+            reasoner=Overriding(diagnose_failure=gone),
+            log=log,
+        )
+    assert len([p for p in log.of("prompt") if p["contract"] == "diagnose_failure"]) == 1
