@@ -151,7 +151,7 @@ def test_the_closest_name_shares_words_or_letters():
         ("put it on the crate", None),
         ("Wherever the block is, fetch it and put it on the crate.", ["pick up block", "place block on crate"]),
         ("put the cube into the oven, then close its door", ["place cube into oven", "close oven door"]),
-        ("take the lemon out of the bowl and after that put it on the can", ["move lemon away from bowl", "place lemon on can"]),
+        ("find the can and after that put it on the plate", ["look for can", "place can on plate"]),
         ("place the can on the crate and then the cup on the plate", ["place can on crate", "place cup on plate"]),
         ("The ball is behind the door: get it and put it in the bowl.", ["pick up ball", "place ball in bowl"]),
         ("take the yellow cube off the blue one", ["move yellow cube away from blue cube"]),
