@@ -183,13 +183,11 @@ class _Prediction:
         distance: To the model in [m], infinite where it is not met, shape (n,).
         group: 0 for its fixed boards, i + 1 for its i-th part; shape (n,).
         normal: Of the face met in the world, shape (n, 3).
-        rounded: Whether the face is not to be trusted, shape (n,).
     """
 
     distance: np.ndarray
     group: np.ndarray
     normal: np.ndarray
-    rounded: np.ndarray
 
 
 class _Scene:
@@ -229,18 +227,16 @@ class _Scene:
         pose = self.pose(x)
         n = len(self.rays)
         distance, group = np.full(n, np.inf), np.zeros(n, int)
-        normal, rounded = np.zeros((n, 3)), np.zeros(n, bool)
+        normal = np.zeros((n, 3))
         for i, (frame, boxes) in enumerate(self.model.groups(x[3:])):
             if only is not None and i != only:
                 continue
             world_T_frame = pose @ frame
             hits = cast(self.rays, world_T_frame, boxes)
             closer = hits.distance < distance
-            distance[closer], group[closer], rounded[closer] = hits.distance[closer], i, hits.rounded[closer]
-            axes = world_T_frame[:3, :3].T[hits.axis[closer]]
-            sign = -np.sign(np.einsum("ij,ij->i", axes, self.rays.direction[closer]))
-            normal[closer] = axes * sign[:, None]
-        return _Prediction(distance, group, normal, rounded)
+            distance[closer], group[closer] = hits.distance[closer], i
+            normal[closer] = hits.normal[closer] @ world_T_frame[:3, :3].T
+        return _Prediction(distance, group, normal)
 
     def worth(self, x: np.ndarray) -> float:
         """What the hypothesis saves against an empty support; the lower the better."""
@@ -339,7 +335,7 @@ class _Scene:
         # Parallel to the face, an error along the ray moves a point within it.
         along = np.abs(np.einsum("ij,ij->i", seen.normal, self.rays.direction))
         off_ray = self.rays.distance - seen.distance
-        used = (np.abs(off_ray) < gate + 3.0 * self.std) & ~seen.rounded & (along > 0.1)
+        used = (np.abs(off_ray) < gate + 3.0 * self.std) & (along > 0.1)
         used &= seen.distance < self.background
         normal, points = seen.normal[used], self.rays.points[used]
         distance = seen.distance[used]

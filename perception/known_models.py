@@ -15,12 +15,12 @@ from perception.solids import Solid
 
 @dataclass(frozen=True)
 class KnownBox:
-    """One board along the axes of its frame.
+    """One board or round bar along the axes of its frame.
 
     Attributes:
         low, high: Its corners in [m], shape (3,).
-        rounded: Whether the true body is a bar or ball inside of the box: it hides what is behind, but its faces are
-            not where the box's are.
+        rounded: Whether the true body is a round bar along the box's longest side that touches all six faces, its ends
+            half balls; in a box of three like sides that is a ball.
     """
 
     low: np.ndarray

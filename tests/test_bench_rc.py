@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from control.errors import ConfigError
-from replan.rc.bench import report_on
+from planning.reasoners import ReasonerOptions
+from replan.rc.bench import RcOptions, report_on, run_benchmark
+from replan.rc.episode import options_of
 from replan.rc.folder import RcFolder
 from replan.rc.isolation import Interrupted, run_isolated
 from replan.rc.jobs import Job, jobs_text, make_jobs, shard_of
@@ -30,7 +32,8 @@ from replan.rc.variants import Variant, variant_from
 from replan.stopwatch import PARTS, Stopwatch
 from sim_check.cells import load_cell
 
-SETUP = Setup("builtin", "default", "default", 60.0, version="0", code="abc")
+BUILTIN = {"backend": "builtin"}
+SETUP = Setup(BUILTIN, "default", "default", 60.0, version="0", code="abc")
 FULL = variant_from("full")
 
 
@@ -49,6 +52,9 @@ def record_of(job: Job, success: bool = True, **changes) -> EpisodeRecord:
         seconds=20.0,
         seconds_by_part=parts,
         reasoner="rules",
+        questions=12,
+        tokens=2000,
+        cost=0.25,
         perception="colours",
     )
     return base.model_copy(update=changes)
@@ -153,14 +159,14 @@ def test_another_configuration_is_refused_and_what_differs_is_named(tmp_path):
     folder = RcFolder(tmp_path / "rc")
     folder.prepare(SETUP, jobs)
     folder.write(jobs[0], record_of(jobs[0]))
-    other = replace(SETUP, reasoner="a server", code="xyz")
-    with pytest.raises(ConfigError, match=r"reasoner is 'builtin' there and 'a server' here, code is 'abc' there"):
+    other = replace(SETUP, reasoner={"backend": "openai"}, code="xyz")
+    with pytest.raises(ConfigError, match=r"reasoner is \{'backend': 'builtin'\} there and .*, code is 'abc' there"):
         folder.prepare(other, jobs)
     with pytest.raises(ConfigError, match="choose another --folder, or say --report-only"):
         folder.done(jobs[0], other)
     second = make_jobs(("cubes-color",), 2, [FULL])[1]
     folder.write(second, record_of(second, setup=other.as_json()))
-    with pytest.raises(ConfigError, match="cannot be counted together: reasoner is 'a server' there"):
+    with pytest.raises(ConfigError, match=r"cannot be counted together: reasoner is \{'backend': 'openai'\} there"):
         folder.records()
 
 
@@ -347,6 +353,7 @@ def test_rates_come_with_wilson_intervals(successes, low, high):
     assert (task["runs"], task["success"]) == (10, successes)
     assert task["success_interval"] == pytest.approx([low, high], abs=1e-4)
     assert task["causes"] == ({"locked": 10 - successes} if successes < 10 else {})
+    assert (task["questions_mean"], task["tokens_mean"], task["cost_mean"]) == (12, 2000, 0.25)
     assert task["planner_s_per_step_median"] == pytest.approx(0.25), "half a second over two actions"
 
 
@@ -407,3 +414,22 @@ def test_every_second_belongs_to_one_part():
     seconds = watch.seconds
     assert (seconds["planning"], seconds["search"], seconds["verdict"]) == (17.0, 10.0, 4.0)
     assert sum(seconds.values()) == now[0]
+
+
+def test_episodes_do_not_write_into_one_cassette(tmp_path):
+    recording = ReasonerOptions(record_cassette=tmp_path / "all.jsonl")
+    options = RcOptions(1, ("cubes-color",), (FULL,), tmp_path / "rc", reasoner=recording)
+    with pytest.raises(ConfigError, match=r"cannot share --record-cassette; the events.jsonl of each run"):
+        run_benchmark(options, local_backend(1), print)
+    assert not (tmp_path / "rc").exists()
+
+
+def test_a_job_asks_its_run_for_what_its_variant_says(tmp_path):
+    job = make_jobs(("kitchen-explore",), 4, [variant_from("no-replan+true-poses+answer-noise=0.2")])[3]
+    played = replace(SETUP, reasoner={"backend": "cassette", "cassette": "a.jsonl", "noise_roles": ["planner"]})
+    options = options_of(job, played, tmp_path)
+    assert (options.goal, options.cell, options.seed, options.speed) == ("find the green apple", job.task, 3, 0.0)
+    assert (options.without, options.poses, options.score, options.video) == (("replan",), "true", True, False)
+    assert options.reasoner == ReasonerOptions(
+        "cassette", cassette=Path("a.jsonl"), noise=0.2, noise_roles=("planner",)
+    )

@@ -160,7 +160,39 @@ def test_a_ray_meets_the_nearest_face_of_a_box():
     rays = DepthRays(np.zeros((n, 3)), direction, np.ones(n), np.ones(n), np.zeros(n, int), np.zeros((n, 2), int))
     hits = cast(rays, np.eye(4), [box])
     assert hits.distance.tolist() == [1.0, np.inf, np.inf]
-    assert hits.axis[0] == 0
+    assert hits.normal[0].tolist() == [-1.0, 0.0, 0.0]
+
+
+def test_a_ray_past_the_corner_of_a_round_bar_s_box_passes_the_bar():
+    # Along z from -0.3 to 0.3 with radius 0.1, before a wall at x = 2; rays start at x = 0 and run along x.
+    bar = KnownBox(np.array([0.9, -0.1, -0.3]), np.array([1.1, 0.1, 0.3]), rounded=True)
+    wall = KnownBox(np.array([2.0, -1.0, -1.0]), np.array([2.1, 1.0, 1.0]))
+    yz = np.array([[0.0, 0.0], [0.06, 0.1], [0.0, 0.26], [0.08, 0.27], [0.0, 0.31]])
+    n = len(yz)
+    origin, direction = np.c_[np.zeros(n), yz], np.tile([1.0, 0.0, 0.0], (n, 1))
+    rays = DepthRays(origin, direction, np.ones(n), np.ones(n), np.zeros(n, int), np.zeros((n, 2), int))
+    hits = cast(rays, np.eye(4), [wall, bar])
+    # The fourth goes through the box's corner: 0.08 and 0.07 from the upper ball's centre are more than 0.1.
+    assert hits.distance == pytest.approx([0.9, 0.92, 0.92, 2.0, 2.0])
+    wanted = [[-1.0, 0.0, 0.0], [-0.8, 0.6, 0.0], [-0.8, 0.0, 0.6], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+    assert hits.normal == pytest.approx(np.array(wanted))
+
+
+def test_a_ray_along_a_round_bar_meets_its_end():
+    bar = KnownBox(np.array([-0.3, -0.1, -0.1]), np.array([0.3, 0.1, 0.1]), rounded=True)
+    origin, direction = np.array([[1.0, 0.06, 0.0], [1.0, 0.2, 0.0]]), np.tile([-1.0, 0.0, 0.0], (2, 1))
+    rays = DepthRays(origin, direction, np.ones(2), np.ones(2), np.zeros(2, int), np.zeros((2, 2), int))
+    assert cast(rays, np.eye(4), [bar]).distance == pytest.approx([1.0 - 0.28, np.inf])
+
+
+@pytest.mark.parametrize("pulled", [0.5, 1.0])
+def test_a_lever_and_how_far_it_is_pulled_are_found(pulled):
+    world, frames = looked_at("cabinet-locked", {"lever_rod": pulled}, "static", "wrist", seed=0)
+    lever = fitted("cabinet-locked", frames)["lever"]
+    distance, turn = off(lever, world)
+    assert distance < 0.003 and turn < np.radians(2.0)
+    assert lever.fractions == pytest.approx([pulled], abs=0.02)
+    assert lever.agreeing > 0.97
 
 
 def test_a_part_turns_about_its_anchor_and_slides_along_its_axis():

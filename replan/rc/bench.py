@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from control.errors import ConfigError
 from planning.reasoners import ReasonerOptions
 from replan.rc.folder import RcFolder, write_whole
 from replan.rc.jobs import make_jobs, shard_of
@@ -68,6 +69,8 @@ def run_benchmark(options: RcOptions, backend: Backend, say: Callable[[str], Non
     setup = setup_now(options.reasoner, options.detector, options.segmenter, options.time_limit_s)
     jobs = make_jobs(options.tasks, options.runs, options.variants)
     mine = shard_of(jobs, options.shard)
+    if options.reasoner.record_cassette is not None:
+        raise ConfigError("episodes cannot share --record-cassette; the events.jsonl of each run is a cassette")
     _require_available(options.variants, jobs, setup)
     folder = RcFolder(options.folder)
     folder.prepare(setup, jobs)

@@ -53,7 +53,9 @@ def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
 def _reasoner(setup: Setup, noise: float) -> "ReasonerOptions":
     from planning.reasoners import ReasonerOptions
 
-    chosen = {k: tuple(v) if isinstance(v, list) else v for k, v in setup.reasoner.items()}
+    chosen: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in setup.reasoner.items()}
+    if "cassette" in chosen:
+        chosen["cassette"] = Path(chosen["cassette"])
     return ReasonerOptions(**chosen, noise=noise)
 
 
@@ -141,7 +143,9 @@ def told(runs_dir: Path) -> dict[str, Any]:
     if folder is None:
         return {}
     events = events_of(folder)
-    return {
+    used = next((e["total"] for e in reversed(events) if e["event"] == "reasoner_usage"), None)
+    taken = {} if used is None else {"tokens": used["tokens_in"] + used["tokens_out"], "cost": used["cost"]}
+    return taken | {
         "folder": folder.relative_to(runs_dir.parents[1]).as_posix(),
         "plans": tuple(tuple(e["steps"]) for e in events if e["event"] == "plan"),
         "questions": sum(e["event"] == "prompt" for e in events),

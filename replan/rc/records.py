@@ -114,7 +114,9 @@ class EpisodeRecord(BaseModel):
         seconds: Wall time of the run in [s], without starting its cell.
         seconds_by_part: The same by `replan.stopwatch.PARTS`.
         wall_s: Wall time of the whole episode's process in [s].
-        questions: Prompts that were put to the reasoner.
+        questions: Questions that the reasoner answered.
+        tokens: Of questions and answers; 0 for a reasoner without tokens.
+        cost: Of the answers, in the currency of the prices that were given.
         reasoner, perception: Which backends answered and saw, plainly named.
         commit: Of this program's repository, where known.
         folder: The run's folder, relative to the benchmark's; "" where there is none.
@@ -139,6 +141,8 @@ class EpisodeRecord(BaseModel):
     seconds_by_part: dict[str, float] = {}
     wall_s: float = 0.0
     questions: int = 0
+    tokens: int = 0
+    cost: float = 0.0
     reasoner: str = ""
     perception: str = ""
     commit: str | None = None

@@ -82,6 +82,8 @@ def _row(variant: str, name: str, task: TaskResult) -> dict[str, Any]:
         "seconds": f"{task.wall_s_median:.1f}",
         "planner": "" if per_step is None else f"{per_step:.3f}",
         "questions": f"{task.questions_mean:.0f}",
+        "tokens": f"{task.tokens_mean:.0f}" if task.tokens_mean else "",
+        "cost": f"{task.cost_mean:.4f}" if task.cost_mean else "",
         "causes": causes_text(task),
     }
 

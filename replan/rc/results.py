@@ -23,7 +23,7 @@ class TaskResult:
         planner_s_per_step_median: Wall time that an action cost outside perception, search, diagnosis, retiming,
             verdict and motion, in [s].
         seconds_by_part: Mean wall time of a run by part in [s].
-        questions_mean: Prompts put to the reasoner in one episode.
+        questions_mean, tokens_mean, cost_mean: What the reasoner answered in one episode, and what that took.
         replans_mean: How often a step or plan was made anew.
         causes: How many episodes failed for which cause.
     """
@@ -38,6 +38,8 @@ class TaskResult:
     planner_s_per_step_median: float | None
     seconds_by_part: dict[str, float]
     questions_mean: float
+    tokens_mean: float
+    cost_mean: float
     replans_mean: float
     causes: dict[str, int]
 
@@ -61,6 +63,8 @@ class TaskResult:
             "planner_s_per_step_median": None if per_step is None else round(per_step, 4),
             "seconds_by_part_mean": {part: round(s, 2) for part, s in self.seconds_by_part.items()},
             "questions_mean": round(self.questions_mean, 1),
+            "tokens_mean": round(self.tokens_mean, 1),
+            "cost_mean": round(self.cost_mean, 6),
             "replans_mean": round(self.replans_mean, 2),
             "causes": self.causes,
         }
@@ -144,6 +148,8 @@ def _task(records: Sequence[EpisodeRecord]) -> TaskResult:
         planner_s_per_step_median=statistics.median(per_step) if per_step else None,
         seconds_by_part={p: statistics.fmean(r.seconds_by_part[p] for r in timed) for p in PARTS} if timed else {},
         questions_mean=statistics.fmean(r.questions for r in records),
+        tokens_mean=statistics.fmean(r.tokens for r in records),
+        cost_mean=statistics.fmean(r.cost for r in records),
         replans_mean=statistics.fmean(r.replans for r in records),
         causes=dict(Counter(r.cause for r in records if not r.success).most_common()),
     )

@@ -6,8 +6,8 @@ from replan.rc.paper import AVERAGES, published
 from replan.rc.results import TaskResult, VariantResult
 from replan.rc.tasks import TASKS
 
-HEAD = ("task", "success", "95 %", "paper", "claimed", "actions", "s", "planner s/step", "causes of failures")
-LINE = "{:18} {:>9} {:>12} {:>6} {:>8} {:>9} {:>7} {:>15}  {}"
+HEAD = ("task", "success", "95 %", "paper", "claimed", "actions", "s", "planner s/step", "tokens", "cost", "causes")
+LINE = "{:18} {:>9} {:>9} {:>6} {:>8} {:>9} {:>7} {:>15} {:>8} {:>7}  {}"
 
 
 def results_text(results: Sequence[VariantResult]) -> str:
@@ -22,7 +22,7 @@ def _lines(result: VariantResult) -> list[str]:
     paper = AVERAGES.get(result.variant)
     some = "" if len(result.tasks) == len(TASKS) else f" of {len(result.tasks)} tasks"
     average = f"{100 * result.average:.1f} %"
-    lines.append(f"{'average' + some:18} {average:>9} {'':>12} {'' if paper is None else f'{paper:g}':>6}")
+    lines.append(f"{'average' + some:18} {average:>9} {'':>9} {'' if paper is None else f'{paper:g}':>6}")
     return lines
 
 
@@ -36,6 +36,8 @@ def _line(name: str, task: TaskResult, paper: int | None) -> str:
         f"{task.actions_mean:.1f}/{task.actions_max}",
         f"{task.wall_s_median:.1f}",
         "" if task.planner_s_per_step_median is None else f"{task.planner_s_per_step_median:.3f}",
+        f"{task.tokens_mean:.0f}" if task.tokens_mean else "",
+        f"{task.cost_mean:.4f}" if task.cost_mean else "",
         causes_text(task),
     ).rstrip()
 
