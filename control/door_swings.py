@@ -17,12 +17,14 @@ class Swing:
     """The sector that a hinged door and the hand at its handle sweep, seen from above.
 
     Attributes:
+        owner: Furniture that the door belongs to.
         centre: Of the hinge in the world in [m], shape (2,).
         radius: From the hinge to beyond the hand in [m].
         middle: Direction of the sector's middle in [rad], from the world's x.
         half_angle: Half of the sector in [rad].
     """
 
+    owner: str
     centre: np.ndarray
     radius: float
     middle: float
@@ -62,6 +64,7 @@ def door_swings(twin: TwinModel) -> list[Swing]:
         way = (joint.opened - joint.closed) * np.sign(axis[2])
         found.append(
             Swing(
+                joint.owner,
                 hinge[:2],
                 float(np.linalg.norm(arm)) + HAND_ROOM,
                 float(np.arctan2(arm[1], arm[0]) + way / 2),

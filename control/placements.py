@@ -15,6 +15,7 @@ DROPS = (0.0, 0.015, 0.03, 0.045)  # [m] above the lowest place in a container, 
 QUARTERS = np.array([0.0, np.pi / 2, -np.pi / 2])
 DEPTHS = (0.12, 0.09, 0.15)  # [m] behind an opening that are offered, for the object's centre
 WALL_GAP = 0.03  # [m] between an object put into furniture and its walls, for the fingers
+AHEAD = np.radians(65.0)  # to either side of the arm's front, where cameras look and the hand sees
 BESIDE = 6  # places beside the centre that are offered
 
 
@@ -60,10 +61,12 @@ def away_from(
     count: int = 24,
     turns: np.ndarray = QUARTERS,
     swings: Sequence[Swing] = (),
+    owner: str | None = None,
 ) -> list[Placement]:
     """Free places of `a` on the table at a horizontal `distance` [m] or more from `other`, nearest to `a` first.
 
-    Places where it would stand in a door's way are offered only where there are no others.
+    Places before the arm where it stands in no door's way are preferred to those in the way of other furniture's doors
+    than `owner`'s, and these to the rest: things put beside or behind the arm are hard to see again.
 
     Args:
         a: Object to be moved, where it is now.
@@ -76,6 +79,7 @@ def away_from(
         count: Most spots to return.
         turns: Turns about the vertical at each spot in [rad], shape (n,), on top of the arm's own swing.
         swings: Where doors swing.
+        owner: Furniture whose doors matter most, or None.
     """
     radius = float(np.hypot(*_level_sizes(a))) / 2
     low = np.asarray(safety.workspace_low)[:2] + radius
@@ -88,8 +92,15 @@ def away_from(
         reach = float(np.hypot(*np.asarray(thing.extents)[:2])) / 2
         ok &= np.linalg.norm(spots - thing.position[:2], axis=1) >= reach + radius + 0.06
     spots = spots[ok]
-    clear = np.array([not any(s.reaches(spot[None], radius)[0] for s in swings) for spot in spots], bool)
-    spots = spots[clear] if clear.any() else spots
+    ahead = np.abs(np.arctan2(spots[:, 1], spots[:, 0])) <= AHEAD
+    own = np.ones(len(spots), bool)
+    free = np.ones(len(spots), bool)
+    for swing in swings:
+        missed = ~swing.reaches(spots, radius)
+        free &= missed
+        own &= missed | (swing.owner != owner)
+    preferred = next((p for p in (ahead & free, ahead & own, own) if p.any()), None)
+    spots = spots if preferred is None else spots[preferred]
     order = np.argsort(np.linalg.norm(spots - a.position[:2], axis=1))
     height = support_height + a.half_height + RELEASE_GAP
     out = []

@@ -98,7 +98,7 @@ def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
     at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
     distance = float(task.term.value or 0.0)
     height, swings = bench.twin.support_height, door_swings(bench.twin)
-    return away_from(body, at, distance, others, bench.safety, height, bench.rng, swings=swings)
+    return away_from(body, at, distance, others, bench.safety, height, bench.rng, swings=swings, owner=task.target)
 
 
 def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
