@@ -31,6 +31,8 @@ from perception.shape_choice import kinds_of
 from perception.solids import Solid
 from perception.support import SupportPlane, estimate_support
 
+# Sides of a thing of a known form against its usual ones, shortest with shortest: partly hidden, or a big one.
+LEAST_SHARE, MOST_SHARE = 0.4, 1.5
 STAGES = ("detect", "segment", "pose", "merge")
 
 
@@ -131,9 +133,13 @@ class Perception:
             seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
             # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
             groups = group_by_thing(seen) if self.instances > 1 else [[o for view in seen for o in view]]
-            for i, group in enumerate(groups[: self.instances] if any(seen) else ()):
+            merges = [merge(group) for group in groups[: self.instances]] if any(seen) else []
+            if name in of_form:
+                merges = [m for m in merges if _may_have(of_form[name], m)]
+                if any(seen) and not merges:
+                    unseen.append(Unseen(name, "what looks like it in the pictures has not its sizes"))
+            for i, merged in enumerate(merges):
                 free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
-                merged = merge(group)
                 objects.append(replace(merged, name=free, colour=colour_of(merged.evidence, frames)))
             if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
@@ -245,6 +251,12 @@ class Perception:
             evidence=(evidence,),
             extents_std=fitted.extents_std,
         )
+
+
+def _may_have(form: KnownForm, seen: ObjectEstimate) -> bool:
+    """Whether something of these sizes, a part of it maybe hidden, can be of a form."""
+    shares = np.sort(np.asarray(seen.extents)) / np.sort(np.asarray(form.extents))
+    return bool(shares.min() >= LEAST_SHARE and shares.max() <= MOST_SHARE)
 
 
 def _known_estimate(fit: KnownFit, frames: Sequence[RgbdFrame]) -> ObjectEstimate:
