@@ -21,7 +21,7 @@ from replan.rc.episode import options_of
 from replan.rc.folder import RcFolder
 from replan.rc.isolation import Interrupted, run_isolated
 from replan.rc.jobs import Job, jobs_text, make_jobs, shard_of
-from replan.rc.paper import AVERAGES, published
+from replan.rc.paper import AVERAGES, published, published_average
 from replan.rc.ray_backend import ray_backend
 from replan.rc.records import Action, EpisodeRecord, Setup
 from replan.rc.results import summarise
@@ -122,7 +122,9 @@ def test_the_tasks_are_the_papers_and_their_cells_have_what_they_name():
         assert set(task.needed) <= set(cell.objects), task.name
     for variant in ("full", "no-perceiver", "no-replan", "language-to-rewards"):
         assert np.mean([published(variant, t) for t in TASKS]) == pytest.approx(AVERAGES[variant])  # type: ignore
-    assert published("pddl", "cabinet-open") is None
+    assert published("pddl", "cabinet-open") is None and published_average("pddl", TASKS) is None
+    assert published_average("full", TASKS) == 86.25, "as printed"
+    assert published_average("full", ["cabinet-blocked", "cubes-color"]) == 75.0
 
 
 # -- the folder --------------------------------------------------------------------------------------------------------

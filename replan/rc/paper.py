@@ -5,7 +5,8 @@ Perception and Language Models", completion rates on the Reasoning and Control b
 models are others than ours; docs/rc-benchmark.md says what may be compared.
 """
 
-from collections.abc import Mapping
+import statistics
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 _COLUMNS = ("full", "no-verifier", "no-perceiver", "no-replan", "language-to-rewards")
@@ -29,3 +30,10 @@ AVERAGES: Mapping[str, float] = MappingProxyType(
 def published(variant: str, task: str) -> int | None:
     """The paper's completion rate in percent, or None for a variant that it does not report."""
     return _ROWS[task][_COLUMNS.index(variant)] if variant in _COLUMNS else None
+
+
+def published_average(variant: str, tasks: Collection[str]) -> float | None:
+    """The paper's average in percent over these tasks, as it prints it where these are all."""
+    if variant not in AVERAGES or set(tasks) == set(_ROWS):
+        return AVERAGES.get(variant)
+    return statistics.fmean(_ROWS[task][_COLUMNS.index(variant)] for task in tasks)

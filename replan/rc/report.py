@@ -3,12 +3,12 @@
 It needs no network: figures stand in the page, thumbnails in the folder `thumbnails` beside it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from replan.pages import made_by, write_page
-from replan.rc.paper import AVERAGES, published
+from replan.rc.paper import published, published_average
 from replan.rc.records import EpisodeRecord
 from replan.rc.report_figures import rates_svg, seconds_svg
 from replan.rc.results import TaskResult, VariantResult
@@ -38,7 +38,7 @@ def write_report(folder: Path, records: Sequence[EpisodeRecord], results: Sequen
         "episodes": len(records),
         "succeeded": sum(r.success for r in records),
         "claimed_wrongly": sum(r.claimed and not r.success for r in records),
-        "setup": [(k, v) for k, v in setup.items()],
+        "setup": [(k, _setting(v)) for k, v in setup.items()],
         "variants": [_variant(result) for result in results],
         "rates": rates_svg(results),
         "groups": [
@@ -61,7 +61,7 @@ def _variant(result: VariantResult) -> dict[str, Any]:
         "perception": result.perception or "unknown: no episode came to its end",
         "commit": result.commit or "unknown",
         "average": f"{100 * result.average:.1f} %",
-        "paper_average": _percent(AVERAGES.get(result.variant)),
+        "paper_average": _percent(published_average(result.variant, result.tasks)),
         "rows": [_row(result.variant, name, task) for name, task in result.tasks.items()],
         "seconds": seconds_svg(result) if timed else "",
     }
@@ -88,8 +88,15 @@ def _row(variant: str, name: str, task: TaskResult) -> dict[str, Any]:
     }
 
 
+def _setting(value: Any) -> str:
+    """A setting for people; of options with many fields only those that are not the default ones are recorded."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {v}" for k, v in value.items()) or "default"
+    return str(value)
+
+
 def _percent(value: float | None) -> str:
-    return "" if value is None else f"{value:g} %"
+    return "" if value is None else f"{value:.4g} %"
 
 
 def _card(folder: Path, record: EpisodeRecord) -> dict[str, Any]:

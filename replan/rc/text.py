@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from replan.rc.paper import AVERAGES, published
+from replan.rc.paper import published, published_average
 from replan.rc.results import TaskResult, VariantResult
 from replan.rc.tasks import TASKS
 
@@ -19,10 +19,10 @@ def _lines(result: VariantResult) -> list[str]:
     made_with = "; ".join(x for x in (result.reasoner, result.perception, f"commit {result.commit}") if x)
     lines = [f"{result.variant} ({made_with})", LINE.format(*HEAD)]
     lines += [_line(name, task, published(result.variant, name)) for name, task in result.tasks.items()]
-    paper = AVERAGES.get(result.variant)
+    paper = published_average(result.variant, result.tasks)
     some = "" if len(result.tasks) == len(TASKS) else f" of {len(result.tasks)} tasks"
     average = f"{100 * result.average:.1f} %"
-    lines.append(f"{'average' + some:18} {average:>9} {'':>9} {'' if paper is None else f'{paper:g}':>6}")
+    lines.append(f"{'average' + some:18} {average:>9} {'':>9} {'' if paper is None else f'{paper:.4g}':>6}")
     return lines
 
 
