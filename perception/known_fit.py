@@ -12,7 +12,7 @@ coarse search (`perception.known_search`) are refined with projective point-to-p
 J^T J at the end gives the spreads.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -44,6 +44,7 @@ class KnownSettings:
         edges_from: Spread in [m] beyond which faces do not tell the place and edges are asked.
         least_share: Share of the rays that meet the model which must agree with it.
         least_rays: Fewest rays that must agree with it.
+        still, still_yaw: What moved by no more than this since an earlier look, in [m] and [rad], stands there still.
         position_prior, yaw_prior, fraction_prior: Spread of what nothing is seen of, in [m], [rad] and 1.
     """
 
@@ -58,6 +59,8 @@ class KnownSettings:
     edges_from: float = 0.003
     least_share: float = 0.9
     least_rays: int = 60
+    still: float = 0.015
+    still_yaw: float = 0.1
     position_prior: float = 0.05
     yaw_prior: float = 0.2
     fraction_prior: float = 0.5
@@ -115,16 +118,19 @@ def fit_known(
     models: Sequence[KnownModel],
     table: SupportPlane,
     settings: KnownSettings | None = None,
+    before: Mapping[str, np.ndarray] | None = None,
 ) -> dict[str, KnownFit | str]:
     """Find things of known shape in pictures of one moment, taken by one or several cameras.
 
-    The largest is looked for first; what it explains belongs to the background of the smaller ones.
+    The largest is looked for first; what it explains belongs to the background of the smaller ones. What was seen
+    before is looked for there first, with its parts wherever they are now, and everywhere only if it is not there.
 
     Args:
         frames: At least one.
         models: What stands there somewhere, each once at most.
         table: What they stand on.
         settings: Of the fit.
+        before: Where some of them stood at an earlier look, by name: x as in `KnownFit`, shape (3 + parts,).
 
     Returns:
         By name the fit, or the reason why there is none.
@@ -135,11 +141,14 @@ def fit_known(
     found: dict[str, KnownFit | str] = {}
     taken: list[Solid] = []
     for model in sorted(models, key=lambda m: -float(np.prod(m.extents))):
-        starts = places(frames, rays, model, table.height, taken, s.noise, s.search)
-        if not starts:
-            found[model.name] = "nothing stands on the support that could be it"
-            continue
-        fit = found[model.name] = _fit_one(rays, background, table, model, starts, s)
+        fit = _fit_at(rays, background, table, model, (before or {}).get(model.name), s)
+        if fit is None:
+            starts = places(frames, rays, model, table.height, taken, s.noise, s.search)
+            if not starts:
+                found[model.name] = "nothing stands on the support that could be it"
+                continue
+            fit = _fit_one(rays, background, table, model, starts, s)
+        found[model.name] = fit
         if isinstance(fit, KnownFit):
             seen = _Scene(rays, background, table, model, s).predict(fit.x)
             background = np.minimum(background, seen.distance)
@@ -163,16 +172,56 @@ def _fit_one(
     tried = sorted(starts, key=blurred.worth)[: s.refined]
     tried = [sparse.settle(sparse.opened(sparse.settle(x, 4)), 4) for x in tried]
     best = sorted(tried, key=sparse.worth)[:2]
-    # Front and back of a closed cabinet differ by a handle and a plinth only; its middle then seems to lie elsewhere.
-    for x in best[:1]:
-        turned = np.array([*x[:2], x[2] + np.pi, *np.zeros(len(model.parts))])
-        best.append(sparse.settle(sparse.opened(sparse.settle(turned, 8, keep=False)), 4))
+    # Front and back of a closed cabinet differ by a handle and a plinth only, and a lever's post is square.
+    turned = [sparse.settle(sparse.opened(x), 8, keep=False) for x in _turned(model, best[0])]
+    turned = sorted(turned, key=sparse.worth)[:2]
+    best.append(min((sparse.settle(sparse.opened(x), 4) for x in turned), key=sparse.worth))
     some = slice(None, None, s.dense)
     scene = _Scene(rays.only(some), background[some], table, model, s)
     best = min((scene.settle(scene.opened(x), 5) for x in best), key=scene.worth)
     whole = _Scene(rays, background, table, model, s)
     best = whole.settle(scene.opened(best, fine=True), 5)
     return whole.judged(whole.shifted(best))
+
+
+def _fit_at(
+    rays: DepthRays,
+    background: np.ndarray,
+    table: SupportPlane,
+    model: KnownModel,
+    x: np.ndarray | None,
+    s: KnownSettings,
+) -> KnownFit | None:
+    """The model where it stood before, if it is still there."""
+    if x is None:
+        return None
+    fit = _fit_one(rays, background, table, model, [x], s)
+    if (
+        isinstance(fit, str)
+        or np.hypot(*(fit.x[:2] - x[:2])) > s.still
+        or np.cos(fit.x[2] - x[2]) < np.cos(s.still_yaw)
+    ):
+        return None
+    return fit
+
+
+def _turned(model: KnownModel, x: np.ndarray) -> list[np.ndarray]:
+    """The other three headings of a place with every part closed, about the middle of its box and of what stands fixed.
+
+    A lever's post stands at the back of its box: seen from behind it seems to be a lever's that looks the other way.
+    """
+    volume = np.array([np.prod(b.high - b.low) for b in model.boxes])
+    centre = np.array([(b.low[:2] + b.high[:2]) / 2 for b in model.boxes])
+    pivots = [volume @ centre / volume.sum()]
+    if np.linalg.norm(pivots[0]) > 0.005:
+        pivots.append(np.zeros(2))
+
+    def about(yaw: float) -> np.ndarray:
+        return np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+
+    closed = np.zeros(len(model.parts))
+    yaws = x[2] + np.pi / 2 * np.arange(1, 4)
+    return [np.array([*(x[:2] + (about(x[2]) - about(yaw)) @ p), yaw, *closed]) for yaw in yaws for p in pivots]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CameraEyes:
-    """Looks through every camera of the cell at once.
+    """Looks through every camera of the cell at once; furniture is looked for first where the last look saw it.
 
     Args:
         client: Connection to the cell.
@@ -46,6 +46,7 @@ class CameraEyes:
         self._film = film
         self._say = say
         self._watch = watch
+        self._before: SceneEstimate | None = None
         self.pictures: tuple[np.ndarray, ...] = ()  # colour pictures of the last look, uint8, (h, w, 3)
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
@@ -65,7 +66,8 @@ class CameraEyes:
         self.pictures = tuple(frame.colour for frame in frames)
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._episode.numbered("look", "npz"), frames)
-        scene = self._perception.perceive(frames, (*names, *self._perception.known))
+        scene = self._perception.perceive(frames, (*names, *self._perception.known), self._before)
+        self._before = scene
         cameras = "+".join(f.camera for f in frames)
         result = PerceptionResult(source=scene.source, frames=(LookRecord.of(scene, cameras),))
         result.write(self._episode.numbered("objects", "json"))

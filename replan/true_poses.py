@@ -36,8 +36,10 @@ class TruePoses:
         self._client = client
         self.known: Mapping[str, None] = MappingProxyType(dict.fromkeys(furniture))
 
-    def perceive(self, frames: Sequence[RgbdFrame], names: Sequence[str]) -> SceneEstimate:
-        """The true poses of the named things that the frames' cameras show now.
+    def perceive(
+        self, frames: Sequence[RgbdFrame], names: Sequence[str], before: SceneEstimate | None = None
+    ) -> SceneEstimate:
+        """The true poses of the named things that the frames' cameras show now, whatever was seen before.
 
         Raises:
             RobotGoneError: The cell does not answer scorers.

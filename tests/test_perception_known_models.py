@@ -50,6 +50,10 @@ def fitted(cell_name, frames) -> dict[str, KnownFit]:
     return {name: f for name, f in fits.items() if isinstance(f, KnownFit)}
 
 
+def yaw_of(pose: np.ndarray) -> float:
+    return float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
 def off(fit: KnownFit, world) -> tuple[float, float]:
     """Distance on the table in [m] and turn in [rad] between a fit and the truth."""
     turn = np.linalg.inv(world.object_pose(fit.model.name)) @ fit.world_T_model
@@ -143,6 +147,37 @@ def test_an_apple_in_an_open_microwave_rests_on_its_floor_and_is_in_it(kitchen):
     apple = seen(scene, "green_apple")
     assert apple.position == pytest.approx(world.object_pose("green_apple")[:3, 3], abs=0.008)
     assert "green_apple is in microwave" in [str(r) for r in find_relations(scene)]
+
+
+def test_furniture_seen_before_is_found_there_and_elsewhere_if_it_moved():
+    models = list(known_models(load_cell("cabinet-locked").furniture).values())
+    world, frames = looked_at("cabinet-locked", {"lever_rod": 0.6, "wooden_cabinet_door": 0.3}, "static", "wrist")
+    table = estimate_support(frames[0])
+    stood = {n: np.array([*world.object_pose(n)[:2, 3], yaw_of(world.object_pose(n)), 0.0]) for n in world.furniture}
+    elsewhere = {"wooden_cabinet": stood["wooden_cabinet"] + [0.1, 0.05, 0.3, 0.0], "lever": stood["lever"] - 0.1}
+    for before in (stood, elsewhere):
+        fits = fit_known(frames, models, table, before=before)
+        for name, fraction in (("lever", 0.6), ("wooden_cabinet", 0.3)):
+            fit = fits[name]
+            assert isinstance(fit, KnownFit), fit
+            assert off(fit, world)[0] < 0.003
+            assert fit.fractions == pytest.approx([fraction], abs=0.02)
+
+
+def test_a_scene_seen_before_says_where_furniture_is_looked_for_first(kitchen, monkeypatch):
+    scene, _ = kitchen
+    asked = {}
+    monkeypatch.setattr(
+        "perception.pipeline.fit_known", lambda *given: asked.update(given[4]) or {"microwave": "not looked for"}
+    )
+    frames = looked_at("kitchen-explore", {}, "static", seed=4)[1]
+    models = known_models(load_cell("kitchen-explore").furniture)
+    embedded = default_perception()
+    eyes = Perception(embedded.detector, embedded.segmenter, known=models)
+    eyes.perceive(frames, ["microwave"], before=scene)
+    microwave = seen(scene, "microwave")
+    fraction = microwave.joint_fractions["microwave_door"]
+    assert asked["microwave"] == pytest.approx([*microwave.position[:2], microwave.yaw, fraction])
 
 
 def test_joints_and_their_spreads_pass_through_a_scene_file(kitchen):
