@@ -1,12 +1,14 @@
 """What one look through all cameras of a cell makes of everything in it, closed and with the doors opened.
 
 Each cell is looked at as it is built, then with every door and lever at each of some fractions (what would stand in a
-door's way is put aside first), so that what was hidden shows. The perception under test sees frames and the furniture's
-sizes in the cell file; this script, a scorer, reads the truth. Besides what the cell lists it asks for a thing that is
-in none of them.
+door's way is put aside first), so that what was hidden shows. With `--stacked` one thing is put on another, turned and
+off the middle at random, and what is said to be on what counts too. The perception under test sees frames and the
+furniture's sizes in the cell file; this script, a scorer, reads the truth. Besides what the cell lists it asks for a
+thing that is in none of them.
 
     python -m benchmarks.rc_looks --seeds 5
     python -m benchmarks.rc_looks --cells kitchen-explore --seeds 20 --fractions --worst 10
+    python -m benchmarks.rc_looks --cells cubes-color --seeds 10 --stacked red_cube red_crate
 """
 
 import argparse
@@ -22,6 +24,7 @@ from perception.estimates import ObjectEstimate
 from perception.frames import RgbdFrame
 from perception.metrics import compare
 from perception.pipeline import Perception, perception_from_options
+from planning.relations import Relation, find_relations
 from sim_check.cells import load_cell
 from sim_check.furniture_mjcf import set_fractions
 from sim_check.known_forms import known_forms
@@ -42,6 +45,8 @@ ABSENT = "green_cube"
 SHOWS = 150  # [px]; a thing that shows less in every camera need not be seen
 # Where things are put, (x, y, yaw) in [m] and [rad], before doors that they bar are opened.
 ASIDE = {"kettle": (0.36, -0.12, 0.3), "red_bar": (0.36, 0.22, 0.6)}
+STACKED = "stacked"
+OFF_MIDDLE = 0.015  # how far off the middle of what carries it a stacked thing stands at most, in [m]
 
 
 @dataclass
@@ -56,6 +61,7 @@ class Row:
         position, yaw, extents: Errors in [mm], [deg], [mm] of what was seen.
         joints: Errors of its joints in [deg] or [mm].
         colours: Colours it was said to have.
+        on: Of one thing on another: how often that was said.
     """
 
     showed: int = 0
@@ -67,17 +73,30 @@ class Row:
     extents: list[float] = field(default_factory=list)
     joints: list[float] = field(default_factory=list)
     colours: dict[str, int] = field(default_factory=dict)
+    on: int = 0
+
+
+def put(world: World, name: str, x: float, y: float, bottom: float, yaw: float) -> None:
+    """Stand a thing at (x, y) on a surface of height `bottom`, all in [m], turned by `yaw` [rad]."""
+    centre = bottom + float(world.objects[name].extents[2]) / 2
+    first = int(world.model.jnt_qposadr[world.model.body(name).jntadr[0]])
+    world.data.qpos[first : first + 7] = [x, y, centre, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]
+
+
+def stack(world: World, upper: str, lower: str, rng: np.random.Generator) -> None:
+    """Stand one thing on another, at any yaw and up to `OFF_MIDDLE` off its middle."""
+    carrier, tall = world.object_pose(lower)[:3, 3], float(world.objects[lower].extents[2])
+    yaw, way, off = rng.uniform(-np.pi, np.pi), rng.uniform(-np.pi, np.pi), rng.uniform(0.0, OFF_MIDDLE)
+    x, y = carrier[:2] + off * np.array([np.cos(way), np.sin(way)])
+    put(world, upper, float(x), float(y), float(carrier[2]) + tall / 2, float(yaw))
+    mujoco.mj_forward(world.model, world.data)
 
 
 def open_doors(world: World, fraction: float) -> None:
     """Put barring things aside and every joint without a spring to a fraction, 0 closed .. 1 open."""
     for name, (x, y, yaw) in ASIDE.items():
         if name in world.objects:
-            tall = float(world.objects[name].extents[2])
-            place = [x, y, tall / 2, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]
-            body = world.model.body(name)
-            first = int(world.model.jnt_qposadr[body.jntadr[0]])
-            world.data.qpos[first : first + 7] = place
+            put(world, name, x, y, 0.0, yaw)
     for thing in world.furniture.values():
         drawn = {p.name: fraction for p in thing.parts if p.stiffness == 0}
         set_fractions(world.model, world.data.qpos, thing, drawn)
@@ -133,8 +152,24 @@ def score(estimate: ObjectEstimate, world: World, row: Row) -> str:
     )
 
 
-def look(world: World, perception: Perception, rows: dict[str, Row], lines: list[tuple[float, str]], label: str):
-    """One look at a world, scored into `rows` by name and `lines` by position error; CPU seconds."""
+def look(
+    world: World,
+    perception: Perception,
+    rows: dict[str, Row],
+    lines: list[tuple[float, str]],
+    label: str,
+    stacked: tuple[str, str] | None = None,
+) -> float:
+    """One look at a world, scored into `rows` by name and `lines` by position error; CPU seconds.
+
+    Args:
+        world: What to look at.
+        perception: The perception under test.
+        rows: Scores by name, which are added to.
+        lines: Position errors with words, which are added to.
+        label: What the lines begin with.
+        stacked: A thing and what carries it, or None.
+    """
     frames = []
     for camera in world.cameras:
         colour, depth, pose, lens = world.render(camera.name)
@@ -159,6 +194,9 @@ def look(world: World, perception: Perception, rows: dict[str, Row], lines: list
             row.glimpsed += pixels < SHOWS
             words = score(estimate, world, row)
             lines.append((row.position[-1], f"{label}: {name} ({pixels} px) {words}"))
+    if stacked is not None:
+        upper, lower = stacked
+        rows[upper].on += Relation("on", upper, lower) in find_relations(scene)
     return seconds
 
 
@@ -169,6 +207,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="seeds per cell")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--fractions", nargs="*", type=float, default=[0.75, 0.95], help="of the opened doors")
+    parser.add_argument("--stacked", nargs=2, metavar=("UPPER", "LOWER"), help="also with one thing put on another")
     parser.add_argument("--detector", default="default")
     parser.add_argument("--segmenter", default="default")
     parser.add_argument("--worst", type=int, default=0, help="also list the worst estimates")
@@ -182,18 +221,24 @@ def main() -> None:
         perception = perception_from_options(args.detector, args.segmenter, known=known, forms=known_forms())
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             world = build_world(cell, seed)
-            states = [("start", None), *((f"{f:g}", f) for f in args.fractions if world.furniture)]
+            states: list[tuple[str, float | None]] = [("start", None)]
+            states += [(f"{f:g}", f) for f in args.fractions if world.furniture]
             for state, fraction in states:
                 if fraction is not None:
                     open_doors(world, fraction)
                 rows = table.setdefault((cell_name, state), {})
                 seconds.append(look(world, perception, rows, lines, f"{cell_name} seed {seed} {state}"))
+            if args.stacked and all(name in world.objects for name in args.stacked):
+                stack(world, *args.stacked, np.random.default_rng(seed))
+                rows = table.setdefault((cell_name, STACKED), {})
+                label = f"{cell_name} seed {seed} {STACKED}"
+                seconds.append(look(world, perception, rows, lines, label, tuple(args.stacked)))
             world.close()
             print(".", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     print(f"{perception.name}; {np.median(seconds):.2f} s CPU a look (median)")
     print(
-        f"{'cell':18}{'doors':6}{'thing':16}{'seen':>7}{'glimpsed':>9}{'invented':>9}"
+        f"{'cell':18}{'doors':8}{'thing':16}{'seen':>7}{'glimpsed':>9}{'invented':>9}"
         f"{'position mm':>15}{'yaw deg':>14}{'sides mm':>14}{'joints':>13}  colours"
     )
     for (cell_name, state), rows in table.items():
@@ -205,9 +250,12 @@ def main() -> None:
             counts = f"{row.seen}/{row.showed}"
             colours = ", ".join(f"{c} {n}" for c, n in row.colours.items())
             print(
-                f"{cell_name:18}{state:6}{name:16}{counts:>7}{row.glimpsed:>9}{row.invented:>9}"
+                f"{cell_name:18}{state:8}{name:16}{counts:>7}{row.glimpsed:>9}{row.invented:>9}"
                 f"{columns[0]:>15}{columns[1]:>14}{columns[2]:>14}{columns[3]:>13}  {colours}"
             )
+        if state == STACKED:
+            upper, lower = args.stacked
+            print(f"{cell_name:18}{state:8}{upper} is on {lower}: said {rows[upper].on} of {args.seeds} times")
     print("median / worst; joints in degrees or mm")
     for _, line in sorted(lines, reverse=True)[: args.worst]:
         print(line)

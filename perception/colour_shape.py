@@ -15,8 +15,9 @@ from perception.cloud import StereoNoise, height_map
 from perception.cut_pieces import CutBlob, join_cut
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection
-from perception.looks import CHROMATIC, Colour, Look, Query, parse_phrase
+from perception.looks import ANY_THING, CHROMATIC, Colour, Look, Query, parse_phrase
 from perception.outline import Outline, measure_outline
+from perception.stacks import Ground, StackPart, box_of, filled_share, split_stack
 from perception.support import estimate_support
 
 
@@ -66,23 +67,38 @@ class ColourShapeDetector:
         """
         queries = [parse_phrase(phrase) for phrase in phrases]
         picture = _Picture.of(frame, self.settings)
-        found = [d for query in queries for d in self._find(picture, query)]
+        colours = {colour.word: colour for query in queries for colour in query.colours}
+        pieces = {word: self._pieces(picture, colour) for word, colour in colours.items()}
+        found = [d for query in queries for c in query.colours for d in self._find(picture, query, c, pieces[c.word])]
         return sorted(found, key=lambda d: -d.score)
 
-    def _find(self, picture: "_Picture", query: Query) -> list[Detection]:
-        found = []
-        for colour in query.colours:
-            pixels = colour.matches(picture.hsv)
-            # A grey foot cannot be told from a grey table, a red one can.
-            reach = pixels if colour.word in CHROMATIC else pixels & picture.things
-            blobs = self._blobs(pixels & picture.things, reach, picture.steps)
-            scored = [(self._score(picture, b, query.look, colour), b) for b in join_cut(blobs, picture.depth)]
-            for score, blob in _without_parts(scored):
-                if score >= self.settings.threshold:
-                    y, x = np.nonzero(blob.pixels)
-                    box = np.array([x.min(), y.min(), x.max() + 1, y.max() + 1], float)
-                    found.append(Detection(query.phrase, box, score, blob.pixels, blob.behind))
-        return found
+    def _pieces(self, picture: "_Picture", colour: Colour) -> list[tuple[CutBlob, list[StackPart]]]:
+        """Blobs of a colour, each with the things that stand on each other in it, if it is not one thing."""
+        pixels = colour.matches(picture.hsv)
+        # A grey foot cannot be told from a grey table, a red one can.
+        reach = pixels if colour.word in CHROMATIC else pixels & picture.things
+        blobs = join_cut(self._blobs(pixels & picture.things, reach, picture.steps), picture.depth)
+        return [(b, split_stack(b.pixels, picture.ground) if b.behind is None else []) for b in blobs]
+
+    def _find(
+        self, picture: "_Picture", query: Query, colour: Colour, pieces: Sequence[tuple[CutBlob, list[StackPart]]]
+    ) -> list[Detection]:
+        scored, found = [], []
+        for blob, parts in pieces:
+            score = self._score(picture, blob, query.look, colour)
+            if not parts or query.look is ANY_THING:  # a word that says nothing of sizes means all that hangs together
+                scored.append((score, blob))
+                continue
+            score *= filled_share(parts)
+            of_parts = [self._part_score(picture, part, query.look, colour) for part in parts]
+            if score > max(of_parts):
+                scored.append((score, blob))
+                continue
+            for part_score, part in zip(of_parts, parts, strict=True):
+                found.append(Detection(query.phrase, box_of(part.pixels), part_score, part.pixels, rest=part.rest))
+        for score, blob in _without_parts(scored):
+            found.append(Detection(query.phrase, box_of(blob.pixels), score, blob.pixels, blob.behind))
+        return [d for d in found if d.score >= self.settings.threshold]
 
     def _blobs(self, pixels: np.ndarray, reach: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
         """Connected pieces of a colour, cut at depth steps, each bool, shape (height, width).
@@ -123,11 +139,43 @@ class ColourShapeDetector:
         if known.sum() >= 20:
             distance = float(np.median(picture.depth[known]))
             score *= _size_score(outline, look, outline.long_px * distance / picture.focal_px)
+            score *= self._block_score(picture, blob, outline, look)
+        return score if self._may_stand(picture, blob, colour) else 0.0
+
+    def _part_score(self, picture: "_Picture", part: StackPart, look: Look, colour: Colour) -> float:
+        """The same for one of several things that stand on each other, whose sizes are known."""
+        outline = measure_outline(part.covered, picture.depth)
+        if outline is None or not self._may_stand(picture, part.pixels, colour):
+            return 0.0
+        score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
+        score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
+        low, high = look.size
+        longest = float(part.sizes.max())
+        score *= _rise(longest / low, 0.6, 0.9) * _rise(-longest / high, -1.7, -1.2)
+        return score * (_equality(float(part.sizes.max() / part.sizes.min())) if look.equal_sides else 1.0)
+
+    def _block_score(self, picture: "_Picture", blob: np.ndarray, outline: Outline, look: Look) -> float:
+        """Less than 1 for what has corners and is, in the world, too small or too unequal for its noun.
+
+        A cube's diagonal in the picture may be as long as a small crate's side; and what is wider than it reaches over
+        the support is no cube, whatever it stands on.
+        """
+        if look.outline != "angular":
+            return 1.0
+        sizes = picture.ground.box_sizes(blob, 0.0)
+        longest = max(float(sizes[:2].max()), picture.ground.seen_height(blob))
+        score = _rise(longest / (look.size[0] * max(0.3, outline.free)), 0.6, 0.9)
+        width = float(sizes[:2].min()) - 2.0 * picture.ground.height_std(blob)
+        return score * (_equality(width / float(sizes[2])) if look.equal_sides else 1.0)
+
+    def _may_stand(self, picture: "_Picture", blob: np.ndarray, colour: Colour) -> bool:
+        """Whether a blob is no link of an arm and no noise of the table."""
         if colour.word in CHROMATIC:
-            return score
+            return True
+        known = blob & np.isfinite(picture.depth)
         # Links of a white, grey or black arm hang in the air; specks of a white table are noise of its height.
         stands = _stands_on_something(blob, picture.depth)
-        return score if stands and self._rises(picture, known) else 0.0
+        return stands and self._rises(picture, known)
 
     def _rises(self, picture: "_Picture", known: np.ndarray) -> bool:
         """Whether the known depths of a blob lie above the support by more than the noise of stereo depth."""
@@ -148,6 +196,7 @@ class _Picture:
         things: Pixels that may belong to a thing: above the support, or of unknown height, bool, same shape.
         steps: Pixels beside a depth step, bool, same shape.
         focal_px: In [px].
+        ground: Where its pixels are in the world.
     """
 
     hsv: np.ndarray
@@ -156,11 +205,13 @@ class _Picture:
     things: np.ndarray
     steps: np.ndarray
     focal_px: float
+    ground: Ground
 
     @classmethod
     def of(cls, frame: RgbdFrame, settings: ColourShapeSettings) -> "_Picture":
         valid = frame.valid_depth
-        heights = height_map(frame) - estimate_support(frame).height
+        support = estimate_support(frame).height
+        heights = height_map(frame) - support
         # A median over 5 x 5 pixels tells a thing from the noise of the table beside it.
         smooth = cv2.medianBlur(np.where(valid, heights, 0.0).astype(np.float32), 5)
         return cls(
@@ -170,6 +221,7 @@ class _Picture:
             ~valid | (smooth > settings.clearance),
             depth_steps(frame.depth, valid, settings.depth_step),
             frame.intrinsics.fx,
+            Ground(frame, heights, support, StereoNoise()),
         )
 
 
@@ -206,6 +258,11 @@ def _outline_score(outline: Outline, look: Look) -> float:
 def _rise(value: float, low: float, high: float) -> float:
     """0 up to `low`, 1 from `high`, a straight line between."""
     return float(np.clip((value - low) / (high - low), 0.0, 1.0))
+
+
+def _equality(ratio: float) -> float:
+    """1 for sides that noise alone may make unequal, falling to little: of two things the cube is the one that is."""
+    return 0.3 + 0.7 * _rise(-ratio, -1.8, -1.35)
 
 
 def _size_score(outline: Outline, look: Look, long_side: float) -> float:

@@ -20,6 +20,8 @@ class Detection:
         seed: Pixels by which the detector knew the object, bool, shape (height, width), or None when it has only
             a box. A segmenter may start from it.
         behind: Pixels between its pieces where something nearer hides it, bool, same shape, or None.
+        rest: Pixels of what stands on it or carries it and looks the same, bool, same shape, or None. A mask can tell
+            the two apart by nothing but these pixels and its own.
     """
 
     phrase: str
@@ -27,6 +29,7 @@ class Detection:
     score: float
     seed: np.ndarray | None = None
     behind: np.ndarray | None = None
+    rest: np.ndarray | None = None
 
 
 class Detector(Protocol):

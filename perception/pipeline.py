@@ -29,6 +29,7 @@ from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
 from perception.refine import Refined
 from perception.shape_choice import kinds_of
 from perception.solids import Solid
+from perception.stacks import own_pixels, whole_stack
 from perception.support import SupportPlane, estimate_support
 
 # Sides of a thing of a known form against its usual ones, shortest with shortest: partly hidden, or a big one.
@@ -195,9 +196,7 @@ class Perception:
         seconds["detect"] += time.perf_counter() - clock
 
         clock = time.perf_counter()
-        corners = np.array([box.box_px for box in best.values()]).reshape(-1, 4)
-        cut = self.segmenter.segment_all(frame, corners, [box.seed for box in best.values()])
-        masks = dict(zip(best, cut, strict=True))
+        masks = dict(zip(best, self._masks(frame, list(best.values())), strict=True))
         _give_shared_pixels_to_the_smaller(masks)
         seconds["segment"] += time.perf_counter() - clock
 
@@ -228,6 +227,16 @@ class Perception:
             found[name] = self._estimate(frame, name, best[name], cloud, fitted)
         seconds["pose"] += time.perf_counter() - clock
         return _View(found, missing)
+
+    def _masks(self, frame: RgbdFrame, boxes: Sequence[Detection]) -> list[np.ndarray]:
+        """One mask a box; things of one look that stand on each other are cut out together, then told apart."""
+        wholes = [box if box.rest is None else whole_stack(box) for box in boxes]
+        corners = np.array([box.box_px for box in wholes]).reshape(-1, 4)
+        cut = self.segmenter.segment_all(frame, corners, [box.seed for box in wholes])
+        return [
+            mask if box.rest is None or box.seed is None else own_pixels(mask, box.seed, box.rest)
+            for mask, box in zip(cut, boxes, strict=True)
+        ]
 
     def _boxes(self, frame: RgbdFrame, phrases: tuple[str, ...]) -> list[Detection]:
         """What the detector found, without boxes of what a better one has found already."""
