@@ -7,6 +7,9 @@ whether the goal was truly reached (or refused, or answered) as it should be.
     python -m benchmarks.other_words
     python -m benchmarks.other_words --set 2
     python -m benchmarks.other_words --goals oven_door curtain --json
+    python -m benchmarks.other_words --plan-only
+
+With `--plan-only` nothing moves and nothing is perceived: see `benchmarks.other_words_plans`.
 """
 
 import argparse
@@ -21,6 +24,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.other_words_goals import GOALS, SETS, Ending, GoalSet, WordGoal, fulfilled
+from benchmarks.other_words_plans import plan_one, plan_summary, print_plans
 from control.errors import GoalError, StackError
 from perception.errors import PerceptionError
 from perception.ground_truth import CellTruth
@@ -165,6 +169,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="goals at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for one goal")
     parser.add_argument("--runs-dir", type=Path, default=None, help="default: runs/other_words/TIME")
+    parser.add_argument("--plan-only", action="store_true", help="first plans from true poses, without any motion")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--here", choices=list(GOALS), metavar="GOAL", help="run one goal in this process")
     options = parser.parse_args()
@@ -173,6 +178,13 @@ def main() -> int:
     unknown = [name for name in names if name not in of.goals]
     if unknown:
         parser.error(f"set {options.set} has no goal '{unknown[0]}'; it has {', '.join(of.goals)}")
+    if options.plan_only:
+        plans = [plan_one(name) for name in names]
+        if options.json:
+            print(json.dumps(plan_summary(plans)))
+        else:
+            print_plans(plans)
+        return 0
     runs_dir = options.runs_dir or ROOT / "runs" / "other_words" / time.strftime("%Y-%m-%d_%H-%M-%S")
     if options.here:
         print(json.dumps(asdict(run_one(options.here, runs_dir))))

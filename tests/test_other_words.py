@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.other_words import Row, run_apart, summary
 from benchmarks.other_words_goals import CELLS, GOALS, SETS, Ending, WordGoal, at, fulfilled, inside, on, opened
+from benchmarks.other_words_plans import PlanRow, plan_counts, plan_one
 from perception.ground_truth import CellTruth
 from sim_check.cells import builtin_cells, load_cell
 from sim_check.world import World, build_world
@@ -193,4 +194,30 @@ def test_the_stage_at_which_a_goal_went_wrong_is_the_first_that_was_not_passed()
         "planned": 2,
         "done": 1,
         "rows": [],
+    }
+
+
+def test_a_plan_alone_stops_before_the_first_motion_and_is_not_judged():
+    row = plan_one("oven_door")
+    assert row.parsed and row.moves and row.ended is None
+    assert row.steps and "oven_door" in row.reason
+
+
+def test_what_is_asked_for_in_vain_is_refused_by_a_plan_alone():
+    row = plan_one("no_such_ball")
+    assert (row.moves, row.ended, row.steps) == (False, True, ())
+    assert "purple ball" in row.reason
+
+
+def test_plans_alone_count_refusals_only_where_one_is_wanted():
+    refused = PlanRow("happy", False, (), False, True, "do not understand 'happy'")
+    rows = [refused, replace(refused, name="polite", ended=False), PlanRow("shut", True, ("close it",), True, None, "")]
+    assert plan_counts(rows) == {
+        "goals": 3,
+        "parsed": 1,
+        "planned": 1,
+        "to_be_refused": 1,
+        "refused_as_expected": 1,
+        "answered_at_once": 0,
+        "ended_wrongly": 1,
     }
