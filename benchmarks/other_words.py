@@ -5,7 +5,11 @@ the cell's truth. Three stages are told apart: whether the goal was understood, 
 whether the goal was truly reached (or refused, or answered) as it should be.
 
     python -m benchmarks.other_words
+    python -m benchmarks.other_words --set 2
     python -m benchmarks.other_words --goals oven_door curtain --json
+    python -m benchmarks.other_words --plan-only
+
+With `--plan-only` nothing moves and nothing is perceived: see `benchmarks.other_words_plans`.
 """
 
 import argparse
@@ -19,7 +23,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmarks.other_words_goals import GOALS, WRITTEN, Ending, WordGoal, fulfilled
+from benchmarks.other_words_goals import GOALS, SETS, Ending, GoalSet, WordGoal, fulfilled
+from benchmarks.other_words_plans import plan_one, plan_summary, print_plans
 from control.errors import GoalError, StackError
 from perception.errors import PerceptionError
 from perception.ground_truth import CellTruth
@@ -137,13 +142,13 @@ def run_apart(name: str, runs_dir: Path, limit: float) -> Row:
     return Row(name, planned, planned, False, round(time.monotonic() - started, 1), why, folder)
 
 
-def summary(rows: list[Row]) -> dict[str, object]:
-    """Counts and rows, ready for JSON."""
+def summary(rows: list[Row], of: GoalSet) -> dict[str, object]:
+    """Counts and rows of goals of a set, ready for JSON."""
     counts = {stage: sum(getattr(r, stage) for r in rows) for stage in ("parsed", "planned", "done")}
-    return {"written": WRITTEN.isoformat(), "goals": len(rows), **counts, "rows": [asdict(r) for r in rows]}
+    return {"written": of.written.isoformat(), "goals": len(rows), **counts, "rows": [asdict(r) for r in rows]}
 
 
-def print_table(rows: list[Row]) -> None:
+def print_table(rows: list[Row], of: GoalSet) -> None:
     """One line a goal, and the counts."""
     print(f"{'goal':22} {'parsed':>6} {'planned':>7} {'done':>5} {'s':>6}  what was said")
     for r in rows:
@@ -152,33 +157,47 @@ def print_table(rows: list[Row]) -> None:
     refusals = sum(GOALS[r.name].reached is None for r in rows)
     print(
         f"{sum(r.done for r in rows)} of {len(rows)} ended as they should; {sum(r.parsed for r in rows)} were "
-        f"understood, {sum(r.planned for r in rows)} planned; {refusals} are to be refused (written {WRITTEN})"
+        f"understood, {sum(r.planned for r in rows)} planned; {refusals} are to be refused (written {of.written})"
     )
 
 
 def main() -> int:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--goals", nargs="+", default=list(GOALS), choices=list(GOALS), metavar="GOAL")
+    parser.add_argument("--set", type=int, default=1, choices=list(SETS), help="which goals")
+    parser.add_argument("--goals", nargs="+", metavar="GOAL", help="only these of the set")
     parser.add_argument("--jobs", type=int, default=1, help="goals at a time")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for one goal")
     parser.add_argument("--runs-dir", type=Path, default=None, help="default: runs/other_words/TIME")
+    parser.add_argument("--plan-only", action="store_true", help="first plans from true poses, without any motion")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--here", choices=list(GOALS), metavar="GOAL", help="run one goal in this process")
     options = parser.parse_args()
+    of = SETS[options.set]
+    names = options.goals or list(of.goals)
+    unknown = [name for name in names if name not in of.goals]
+    if unknown:
+        parser.error(f"set {options.set} has no goal '{unknown[0]}'; it has {', '.join(of.goals)}")
+    if options.plan_only:
+        plans = [plan_one(name) for name in names]
+        if options.json:
+            print(json.dumps(plan_summary(plans)))
+        else:
+            print_plans(plans)
+        return 0
     runs_dir = options.runs_dir or ROOT / "runs" / "other_words" / time.strftime("%Y-%m-%d_%H-%M-%S")
     if options.here:
         print(json.dumps(asdict(run_one(options.here, runs_dir))))
         return 0
     rows = []
     with ThreadPoolExecutor(options.jobs) as pool:
-        for row in pool.map(lambda name: run_apart(name, runs_dir, options.limit), options.goals):
+        for row in pool.map(lambda name: run_apart(name, runs_dir, options.limit), names):
             rows.append(row)
             print(f"{row.name}: {row.ended_at}, {row.seconds:.1f} s: {row.reason}", file=sys.stderr)
     if options.json:
-        print(json.dumps(summary(rows)))
+        print(json.dumps(summary(rows, of)))
     else:
-        print_table(rows)
+        print_table(rows, of)
     return 0
 
 

@@ -1,8 +1,12 @@
-"""Thirty goals as people in a lab type them, for the cells in `benchmarks/other_words/`.
+"""Twice thirty goals as people in a lab type them, for the cells in `benchmarks/other_words/`.
 
-Cells and goals were written on 2026-11-26 before the planner was run on any of them and without looking at what it
-understands. So they measure how far it goes beyond the wordings and scenes that it was made with; a goal that fails is
-left as it is.
+Cells and goals of set 1 were written on 2026-11-26 before the planner was run on any of them and without looking at
+what it understands. So they measure how far it goes beyond the wordings and scenes that it was made with; a goal that
+fails is left as it is.
+
+The planner's language was widened after it had been seen failing on set 1. Set 2 was written after that, on 2026-11-26
+as well, for the same cells and of similar difficulty: before the planner was run on any goal of it, and without looking
+at the widened language. Once something is changed because of set 2, it is no longer a fair test either.
 """
 
 import re
@@ -15,7 +19,6 @@ import numpy as np
 
 from perception.ground_truth import CellTruth
 
-WRITTEN = date(2026, 11, 26)
 CELLS = Path(__file__).with_name("other_words")
 UNTOUCHED = 0.02  # [m]; how far a thing that the goal gives no reason to touch may have moved
 SEATED = 0.006  # [m]; how far from touching a thing may be that rests on another one
@@ -208,7 +211,37 @@ def _no(noun: str) -> str:
     return rf"\bno {noun}\b|\b{noun}\b.{{0,30}}\b(not|isn't)\b|\b(not|isn't)\b.{{0,30}}\b{noun}\b"
 
 
-GOALS: dict[str, WordGoal] = {
+def _meanings(first: str, second: str) -> tuple[str, ...]:
+    """What a refusal may say of words that mean either of two things."""
+    pairs = ((first, second), (second, first))
+    noun = first.split()[-1]
+    said = (
+        "ambiguous",
+        "ambiguity",
+        "more than one",
+        "several",
+        f"two {noun}s",
+        f"which {noun}",
+        "which one",
+        "which of",
+    )
+    return (*said, *(f"{a} {word} {b}" for a, b in pairs for word in ("or", "and", "or the", "and the")))
+
+
+@dataclass(frozen=True)
+class GoalSet:
+    """Goals that were written at one time.
+
+    Attributes:
+        written: Day on which they were.
+        goals: By name; names are unique over all sets.
+    """
+
+    written: date
+    goals: dict[str, WordGoal]
+
+
+GOALS_1: dict[str, WordGoal] = {
     "polite": WordGoal(
         "Could you put the green block onto the blue crate, please?",
         "two-crates",
@@ -366,3 +399,171 @@ GOALS: dict[str, WordGoal] = {
     ),
     "curtain": WordGoal("Hang the ball up on the curtain.", "sliding-cabinet", 2, refused=("curtain", "hang")),
 }
+
+GOALS_2: dict[str, WordGoal] = {
+    "not_the_red_one": WordGoal(
+        "The green block goes on whichever crate isn't red.",
+        "two-crates",
+        5,
+        on("green_block", "blue_crate"),
+        ("green_block",),
+    ),
+    "green_as_grass": WordGoal(
+        "Set the block that is as green as grass atop the red box.",
+        "two-crates",
+        6,
+        on("green_block", "red_crate"),
+        ("green_block",),
+    ),
+    "one_each": WordGoal(
+        "The blue crate gets the yellow cube and the red crate gets the green block.",
+        "two-crates",
+        7,
+        both(on("yellow_cube", "blue_crate"), on("green_block", "red_crate")),
+        ("yellow_cube", "green_block"),
+    ),
+    "free_it_first": WordGoal(
+        "First free the blue cube, then it goes onto the red crate.",
+        "two-crates",
+        8,
+        on("blue_cube", "red_crate"),
+        ("blue_cube", "yellow_cube"),
+    ),
+    "which_cube": WordGoal(
+        "Move the cube over to the red crate.", "two-crates", 9, refused=_meanings("blue cube", "yellow cube")
+    ),
+    "arrow": WordGoal("orange -> bowl, thanks", "fruit-beside-bowl", 5, in_bowl("orange", "cyan_bowl"), ("orange",)),
+    "violet_in_dish": WordGoal(
+        "Pop the violet ball in the dish.",
+        "fruit-beside-bowl",
+        6,
+        in_bowl("purple_ball", "cyan_bowl"),
+        ("purple_ball",),
+    ),
+    "exchange": WordGoal(
+        "Exchange the lemon in the bowl for the apple.",
+        "fruit-beside-bowl",
+        7,
+        both(out_of_bowl("lemon", "cyan_bowl"), in_bowl("red_apple", "cyan_bowl")),
+        ("lemon", "red_apple"),
+        options=("lemon_in_bowl",),
+    ),
+    "something_in_bowl": WordGoal(
+        "Is there already something in the bowl?",
+        "fruit-beside-bowl",
+        8,
+        in_bowl("lemon", "cyan_bowl"),
+        answer=rf"{_yes('lemon')}|^yes\b|\bnot empty\b",
+        options=("lemon_in_bowl",),
+    ),
+    "banana": WordGoal("The banana belongs in the bowl.", "fruit-beside-bowl", 9, refused=("banana",)),
+    "should_be_sitting": WordGoal(
+        "The green cube should be sitting on the crate.",
+        "locked-oven",
+        3,
+        on("green_cube", "red_crate"),
+        ("green_cube",),
+    ),
+    "left_in_oven": WordGoal(
+        "Has someone left the green cube in the oven?",
+        "locked-oven",
+        4,
+        opened("oven_door", LOOKED_INTO),
+        answer=_yes("cube"),
+    ),
+    "oven_shut_afterwards": WordGoal(
+        "Have the green cube out of the oven and on the crate, and the oven shut afterwards.",
+        "locked-oven",
+        5,
+        both(on("green_cube", "red_crate"), closed("oven_door")),
+        ("green_cube",),
+    ),
+    "bake": WordGoal("Bake the cube at 200 degrees.", "locked-oven", 6, refused=("bake", "200", "degrees")),
+    "lemon_out_here": WordGoal(
+        "I need the lemon out here on the table.",
+        "weighed-cupboard",
+        3,
+        outside("lemon", "cupboard"),
+        ("lemon", "red_can"),
+    ),
+    "hide": WordGoal(
+        "Hide the blue cube in the cupboard.",
+        "weighed-cupboard",
+        4,
+        inside("blue_cube", "cupboard"),
+        ("blue_cube", "red_can"),
+    ),
+    "weighing_plate": WordGoal(
+        "Put the tin onto the weighing plate.", "weighed-cupboard", 5, on_plate("red_can", "scale"), ("red_can",)
+    ),
+    "replace_lemon": WordGoal(
+        "Replace the lemon in the cupboard with the blue cube.",
+        "weighed-cupboard",
+        6,
+        both(outside("lemon", "cupboard"), inside("blue_cube", "cupboard")),
+        ("lemon", "blue_cube", "red_can"),
+    ),
+    "stack": WordGoal(
+        "Stack the red block on the crate.", "two-closed", 3, on("red_block", "blue_crate"), ("red_block",)
+    ),
+    "load": WordGoal(
+        "Load the microwave with the yellow cube.",
+        "two-closed",
+        4,
+        inside("yellow_cube", "microwave"),
+        ("yellow_cube",),
+    ),
+    "where": WordGoal(
+        "Where is the red block?",
+        "two-closed",
+        5,
+        opened("cabinet_door", LOOKED_INTO),
+        answer=r"\bblock\b:?(?: (?!not\b)\w+){0,5} cabinet\b|^(?:it is )?in(?:side)? the cabinet\b",
+    ),
+    "transfer": WordGoal(
+        "Transfer the red block from the cabinet to the microwave.",
+        "two-closed",
+        6,
+        inside("red_block", "microwave"),
+        ("red_block",),
+    ),
+    "lilac": WordGoal(
+        "The lilac cube belongs in the cupboard.",
+        "barred-cabinet",
+        2,
+        inside("purple_cube", "cabinet"),
+        ("purple_cube", "green_bar"),
+    ),
+    "take_bar_away": WordGoal(
+        "Remove the bar from the handles of the cabinet.",
+        "barred-cabinet",
+        3,
+        outside("green_bar", "cabinet"),
+        ("green_bar",),
+    ),
+    "fridge": WordGoal("Put the apple in the fridge.", "open-microwave", 2, refused=("fridge", "refrigerator")),
+    "citrus": WordGoal(
+        "Put the citrus fruit in the blue dish.", "open-microwave", 3, in_bowl("orange", "blue_bowl"), ("orange",)
+    ),
+    "once_it_is_out": WordGoal(
+        "Close up the microwave once the apple is out of it.",
+        "open-microwave",
+        4,
+        both(outside("red_apple", "microwave"), closed("microwave_door")),
+        ("red_apple",),
+    ),
+    "sky_coloured": WordGoal(
+        "Let me have the sky-coloured ball in the bowl.",
+        "sliding-cabinet",
+        3,
+        in_bowl("blue_ball", "green_bowl"),
+        ("blue_ball",),
+    ),
+    "push_aside": WordGoal(
+        "Push the door aside so that I can see into the cabinet.", "sliding-cabinet", 4, opened("cabinet_door")
+    ),
+    "juggle": WordGoal("Juggle the ball and the cube.", "sliding-cabinet", 5, refused=("juggle",)),
+}
+
+SETS = {1: GoalSet(date(2026, 11, 26), GOALS_1), 2: GoalSet(date(2026, 11, 26), GOALS_2)}
+GOALS = {**GOALS_1, **GOALS_2}

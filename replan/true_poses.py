@@ -6,34 +6,39 @@ simulated cell that was started for scoring, and with no other.
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Shape, Unseen
 from perception.frames import RgbdFrame
-from perception.ground_truth import TrueObject
+from perception.ground_truth import FrameTruth, TrueObject
 from perception.looks import look_of
-
-if TYPE_CHECKING:
-    from hw_interface.client import CellClient
 
 SEEN_PIXELS = 60  # [px] in one camera; about what perception needs for a pose
 EXACT = 2e-4  # [m] and [rad]; spreads of what is known exactly, so that none is zero
+
+
+class TruthTeller(Protocol):
+    """A connection to a cell that is scored, or a simulated world in this process."""
+
+    def frame_truth(self, camera: str, /) -> FrameTruth:
+        """What truly is in a camera's picture of now."""
+        ...
 
 
 class TruePoses:
     """Stands in for `perception.pipeline.Perception`.
 
     Args:
-        client: Connection to a cell that is scored.
+        truth: Says what the cameras truly show.
         furniture: Names of what stands fixed and is always looked for.
     """
 
     name = "true poses of what is in view"
 
-    def __init__(self, client: "CellClient", furniture: Sequence[str]) -> None:
-        self._client = client
+    def __init__(self, truth: TruthTeller, furniture: Sequence[str]) -> None:
+        self._truth = truth
         self.known: Mapping[str, None] = MappingProxyType(dict.fromkeys(furniture))
 
     def perceive(
@@ -46,7 +51,7 @@ class TruePoses:
         """
         shown: dict[str, list[tuple[RgbdFrame, TrueObject]]] = {}
         for frame in frames:
-            for thing in self._client.frame_truth(frame.camera).objects:
+            for thing in self._truth.frame_truth(frame.camera).objects:
                 assert thing.mask is not None  # a simulated cell always says
                 if thing.mask.sum() >= SEEN_PIXELS:
                     shown.setdefault(thing.name, []).append((frame, thing))

@@ -1,5 +1,6 @@
 """Goals in other words on other cells: they speak of cells that can be built, and none is reached before it begins."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.other_words import Row, run_apart, summary
-from benchmarks.other_words_goals import CELLS, GOALS, Ending, WordGoal, at, fulfilled, inside, on, opened
+from benchmarks.other_words_goals import CELLS, GOALS, SETS, Ending, WordGoal, at, fulfilled, inside, on, opened
+from benchmarks.other_words_plans import PlanRow, plan_counts, plan_one
 from perception.ground_truth import CellTruth
 from sim_check.cells import builtin_cells, load_cell
 from sim_check.world import World, build_world
 
+ANSWERED_AT_ONCE = ("lemon_asked_for", "something_in_bowl")  # what is asked for is in view
 FILES = sorted(CELLS.glob("*.yaml"))
 
 
@@ -40,13 +43,19 @@ def with_fraction(truth: CellTruth, joint: str, fraction: float) -> CellTruth:
     return replace(truth, joints={**truth.joints, joint: replace(truth.joints[joint], fraction=fraction)})
 
 
-def test_there_are_thirty_goals_each_in_words_of_its_own():
-    assert len(GOALS) == 30
-    assert len({goal.goal.lower() for goal in GOALS.values()}) == 30
+def bare(text: str) -> str:
+    return re.sub(r"[^a-z ]", "", text.lower()).strip()
 
 
-def test_every_cell_is_used_and_none_is_a_built_in_one():
-    assert {goal.cell for goal in GOALS.values()} == {file.stem for file in FILES}
+def test_each_set_has_thirty_goals_and_no_name_or_wording_comes_twice():
+    assert [len(of.goals) for of in SETS.values()] == [30, 30]
+    assert len(GOALS) == 60
+    assert len({bare(goal.goal) for goal in GOALS.values()}) == 60
+
+
+@pytest.mark.parametrize("number", SETS)
+def test_every_cell_is_used_by_each_set_and_none_is_a_built_in_one(number):
+    assert {goal.cell for goal in SETS[number].goals.values()} == {file.stem for file in FILES}
     assert not {file.stem for file in FILES} & set(builtin_cells())
 
 
@@ -74,7 +83,7 @@ def test_no_goal_is_fulfilled_by_a_run_that_does_nothing_and_says_nothing(name):
 @pytest.mark.parametrize("name", GOALS)
 def test_every_goal_that_is_no_refusal_and_no_question_about_what_is_in_view_is_open_at_the_start(name):
     goal = GOALS[name]
-    if goal.reached is not None and name != "lemon_asked_for":
+    if goal.reached is not None and name not in ANSWERED_AT_ONCE:
         assert not goal.reached(start(goal))
     assert set(goal.may_move) <= set(start(goal).poses)
 
@@ -128,6 +137,9 @@ def test_a_door_counts_as_open_from_half_of_its_way():
     [
         ("apple_asked_for", "oven_door", "There is no apple in the oven.", "The apple is in the oven."),
         ("block_asked_for", "cabinet_door", "The red_block is in the cabinet.", "There is no block in the cabinet."),
+        ("left_in_oven", "oven_door", "The green_cube is in the oven.", "The green_cube is not in the oven."),
+        ("where", "cabinet_door", "the red_block is in the cabinet", "the red_block is not in the cabinet"),
+        ("where", "cabinet_door", "In the cabinet.", "the red_block is in the microwave"),
     ],
 )
 def test_a_question_needs_the_true_answer_and_a_look_behind_the_door(name, joint, right, wrong):
@@ -136,6 +148,31 @@ def test_a_question_needs_the_true_answer_and_a_look_behind_the_door(name, joint
     assert fulfilled(goal, Ending(True, right, before, after))[0]
     assert not fulfilled(goal, Ending(True, wrong, before, after))[0]
     assert not fulfilled(goal, Ending(True, right, before, before))[0]
+
+
+@pytest.mark.parametrize("right", ["The lemon is in the cyan_bowl.", "Yes.", "the bowl is not empty"])
+def test_whether_something_is_in_the_bowl_is_answered_by_a_yes_or_by_its_name(right):
+    goal, truth = GOALS["something_in_bowl"], start(GOALS["something_in_bowl"])
+    assert fulfilled(goal, Ending(True, right, truth, truth))[0]
+    for wrong in ("there is nothing in the bowl", "something is not in view; in view: cyan_bowl, lemon"):
+        assert not fulfilled(goal, Ending(True, wrong, truth, truth))[0]
+
+
+def test_a_cube_of_which_there_are_two_must_be_refused_as_meaning_either():
+    goal, truth = GOALS["which_cube"], start(GOALS["which_cube"])
+    assert fulfilled(goal, Ending(False, "'cube' may mean blue_cube or yellow_cube", truth, truth))[0]
+    wrong = "'cube' is not in view; in view: red_crate, blue_cube, yellow_cube"
+    assert not fulfilled(goal, Ending(False, wrong, truth, truth))[0]
+    stacked = with_at(truth, "blue_cube", at(truth, "red_crate"), (0.0, 0.0, 0.055))
+    assert not fulfilled(goal, Ending(True, "the blue cube is on the crate", truth, stacked))[0]
+
+
+def test_a_bar_that_still_hangs_behind_the_handles_was_not_taken_away():
+    goal = GOALS["take_bar_away"]
+    truth = start(goal)
+    assert goal.reached is not None
+    assert not goal.reached(with_at(truth, "green_bar", at(truth, "green_bar"), (0.0, 0.05, 0.0)))
+    assert goal.reached(with_at(truth, "green_bar", np.array([0.45, 0.25, 0.01]), (0.0, 0.0, 0.0)))
 
 
 def test_a_run_that_takes_too_long_is_ended_and_counts_as_neither_understood_nor_done(tmp_path):
@@ -150,11 +187,37 @@ def test_the_stage_at_which_a_goal_went_wrong_is_the_first_that_was_not_passed()
     assert replace(row, planned=False).ended_at == "planning"
     assert replace(row, parsed=False, planned=False).ended_at == "parsing"
     assert replace(row, done=True).ended_at == "done"
-    assert summary([row, replace(row, done=True)]) | {"rows": []} == {
+    assert summary([row, replace(row, done=True)], SETS[1]) | {"rows": []} == {
         "written": "2026-11-26",
         "goals": 2,
         "parsed": 2,
         "planned": 2,
         "done": 1,
         "rows": [],
+    }
+
+
+def test_a_plan_alone_stops_before_the_first_motion_and_is_not_judged():
+    row = plan_one("oven_door")
+    assert row.parsed and row.moves and row.ended is None
+    assert row.steps and "oven_door" in row.reason
+
+
+def test_what_is_asked_for_in_vain_is_refused_by_a_plan_alone():
+    row = plan_one("no_such_ball")
+    assert (row.moves, row.ended, row.steps) == (False, True, ())
+    assert "purple ball" in row.reason
+
+
+def test_plans_alone_count_refusals_only_where_one_is_wanted():
+    refused = PlanRow("happy", False, (), False, True, "do not understand 'happy'")
+    rows = [refused, replace(refused, name="polite", ended=False), PlanRow("shut", True, ("close it",), True, None, "")]
+    assert plan_counts(rows) == {
+        "goals": 3,
+        "parsed": 1,
+        "planned": 1,
+        "to_be_refused": 1,
+        "refused_as_expected": 1,
+        "answered_at_once": 0,
+        "ended_wrongly": 1,
     }
