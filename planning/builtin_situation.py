@@ -17,6 +17,7 @@ from planning.names import (
     SUPPORTS,
     AmbiguousName,
     MissingName,
+    all_said_of,
     as_name,
     candidates,
     colour_of,
@@ -177,8 +178,7 @@ class Situation:
         owners = candidates(phrase, sorted({j.owner for j in joints.values()}))
         found = [j for j in joints.values() if j.owner in owners and j.role in roles]
         if not found:  # "the left door", "the cabinet door"
-            wanted = set(words_of(phrase))
-            found = [j for j in joints.values() if j.role in roles and wanted <= set(words_of(j.name)) | {j.role}]
+            found = [j for j in joints.values() if j.role in roles and all_said_of(phrase, f"{j.name} {j.role}")]
         if len({j.owner for j in found}) > 1:
             names = " or ".join(sorted({j.owner for j in found}))
             raise GoalError(f"'{phrase}' may mean a part of {names}; say which one")

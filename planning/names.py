@@ -107,6 +107,12 @@ def _same_noun(a: str, b: str) -> bool:
     return a == b or any(a in nouns and b in nouns for nouns in SYNONYMS)
 
 
+def all_said_of(phrase: str, name: str) -> bool:
+    """Whether every word of a phrase, or one that people use for it, is a word of a name."""
+    known = words_of(name)
+    return all(any(_same_noun(word, other) for other in known) for word in words_of(phrase))
+
+
 def resolve(phrase: str, names: Sequence[str]) -> str:
     """The one name that a phrase means.
 

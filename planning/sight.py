@@ -8,7 +8,7 @@ from perception.estimates import SceneEstimate, Unseen
 from planning.furnishings import KnownFurniture
 from planning.goal_language import mentioned_phrases, only_compared_with
 from planning.interfaces import Eyes
-from planning.names import ANYTHING, SUPPORTS, as_name, candidates, words_of
+from planning.names import ANYTHING, SUPPORTS, all_said_of, as_name, candidates, words_of
 from planning.reasoner import Log
 
 
@@ -94,5 +94,4 @@ class Sight:
 
 def _owners(phrase: str, joints: Mapping[str, str]) -> tuple[str, ...]:
     """Furniture with a joint that words like "the left door" may mean."""
-    wanted = set(words_of(phrase))
-    return tuple(dict.fromkeys(owner for joint, owner in joints.items() if wanted <= set(words_of(joint))))
+    return tuple(dict.fromkeys(owner for joint, owner in joints.items() if all_said_of(phrase, joint)))
