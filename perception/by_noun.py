@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from perception.errors import UnknownPhraseError
 from perception.frames import RgbdFrame
-from perception.interfaces import Detection, Detector
+from perception.interfaces import Detection, Detector, ShapeDetector
 from perception.looks import ANY_THING, parse_phrase
 
 
@@ -45,6 +45,12 @@ class ByNounDetector:
         if learned:
             found = [*found, *self.learned.detect(frame, learned)]
         return sorted(found, key=lambda d: -d.score)
+
+    def other_shape(self, phrase: str) -> str | None:
+        """As the detector by colour says; None for a phrase that is for the learned weights."""
+        if not isinstance(self.by_colour, ShapeDetector) or self.is_for_learned(phrase):
+            return None
+        return self.by_colour.other_shape(phrase)
 
     def is_for_learned(self, phrase: str) -> bool:
         """Whether the learned weights are asked for a phrase.

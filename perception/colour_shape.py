@@ -72,6 +72,14 @@ class ColourShapeDetector:
         found = [d for query in queries for c in query.colours for d in self._find(picture, query, c, pieces[c.word])]
         return sorted(found, key=lambda d: -d.score)
 
+    def other_shape(self, phrase: str) -> str | None:
+        """ "green ball" for a green cube or block, "green block" for a green apple; None without a colour or shape."""
+        query = parse_phrase(phrase)
+        if len(query.colours) != 1:
+            return None
+        noun = {("angular", "box"): "ball", ("round", "sphere"): "block"}.get((query.look.outline, query.look.solid))
+        return None if noun is None else f"{query.colours[0].word} {noun}"
+
     def _pieces(self, picture: "_Picture", colour: Colour) -> list[tuple[CutBlob, list[StackPart]]]:
         """Blobs of a colour, each with the things that stand on each other in it, if it is not one thing."""
         pixels = colour.matches(picture.hsv)
@@ -245,7 +253,9 @@ def _hsv(colour: np.ndarray) -> np.ndarray:
 
 def _outline_score(outline: Outline, look: Look) -> float:
     if look.outline == "round":
-        return _rise(outline.roundness, 0.50, 0.66) if outline.aspect < 2.6 else 0.0
+        # A ball of which half is hidden, or beyond the picture's edge, shows as a slice.
+        longest = 2.6 / max(outline.free, 0.4) if look.solid == "sphere" else 2.6
+        return _rise(outline.roundness, 0.50, 0.66) if outline.aspect < longest else 0.0
     if look.outline == "vessel":  # two ellipses of different size and what lies between
         return _rise(outline.roundness, 0.38, 0.50) if outline.aspect < 2.6 else 0.0
     if look.outline == "angular":

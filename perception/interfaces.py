@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -47,6 +47,15 @@ class Detector(Protocol):
             UnknownPhraseError: A phrase that this detector has no way to look for.
             ModelUnavailableError: Its weights or packages are not on this machine.
         """
+        ...
+
+
+@runtime_checkable
+class ShapeDetector(Detector, Protocol):
+    """A detector that tells round from angular by outlines."""
+
+    def other_shape(self, phrase: str) -> str | None:
+        """The phrase for the same colour in the other shape, or None for a phrase that says neither."""
         ...
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from perception import bundled
 from perception.by_noun import ByNounDetector
 from perception.colour_words import colour_of
+from perception.contradiction import contradicted
 from perception.errors import FrameError, ModelUnavailableError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
 from perception.form_fit import FormSettings
 from perception.form_search import find_forms, forms_of
 from perception.frames import RgbdFrame
 from perception.instances import group_by_thing, instance_name
-from perception.interfaces import Detection, Detector, Segmenter
+from perception.interfaces import Detection, Detector, Segmenter, ShapeDetector
 from perception.known_fit import KnownFit, KnownSettings, fit_known
 from perception.known_forms import KnownForm
 from perception.known_models import KnownModel
@@ -137,6 +138,10 @@ class Perception:
                 continue
             phrase = name.replace("_", " ")
             seen = [[o for o in view.found.values() if o.phrase == phrase] for view in views]
+            against = self._contradicted(phrase, [o for view in seen for o in view], frames)
+            if against:
+                unseen.append(Unseen(name, against))
+                continue
             # One name for one thing: what disagrees is a mistake, which `merge` leaves out.
             groups = group_by_thing(seen) if self.instances > 1 else [[o for view in seen for o in view]]
             merges = [merge(group) for group in groups[: self.instances]] if any(seen) else []
@@ -158,6 +163,12 @@ class Perception:
             source=self.name + "".join(f"; camera '{frame.camera}' has no depth" for frame in blind),
             seconds=seconds,
         )
+
+    def _contradicted(self, phrase: str, seen: Sequence[ObjectEstimate], frames: Sequence[RgbdFrame]) -> str | None:
+        """Why something is not of the shape that its noun says; None where nothing speaks against it."""
+        if self.instances > 1 or len(frames) < 2 or not isinstance(self.detector, ShapeDetector):
+            return None
+        return contradicted(phrase, seen, frames, self.detector)
 
     def _likeliest(self, seen: Sequence[ObjectEstimate], frames: Sequence[RgbdFrame]) -> list[ObjectEstimate]:
         """At most `instances` of the things that have a form; if there are more, those that the detector finds best."""
