@@ -96,7 +96,7 @@ class Ground:
         lens, pose = self.frame.intrinsics, self.frame.world_T_camera
         lines = []
         for height in (points[:, 2], np.full(len(points), level)):
-            local = (np.c_[points[:, :2], height + off] - pose[:3, 3]) @ pose[:3, :3]
+            local = (np.c_[points[:, :2], height] - pose[:3, 3]) @ pose[:3, :3]
             scale = np.maximum(local[:, 2:], 0.02)
             lines.append(np.round(local[:, :2] / scale * [lens.fx, lens.fy] + [lens.cx, lens.cy]).astype(np.int32))
         drawn = np.zeros(pixels.shape, np.uint8)
