@@ -27,6 +27,7 @@ _BLAME = re.compile(
     r"(?:(?:on top of|on|in front of|inside|in|next to) (?!the way\b)(?:the |an? )?(?P<y>\w+)"
     r"|in the way|too close|blocking)|blocks|occupies|covers|obstructs)"
 )
+_TOO_CLOSE = re.compile(r"(?:too close to|near|,) '(?P<x>\w+)'")
 _CONFIRMED = re.compile(r"(?P<x>\w+)(?: is(?: [\w ]+ and is)?) in the way")
 
 
@@ -194,6 +195,8 @@ class _Rules:
         closed: dict[str, list[JointFact]] = {}
         for owner in self._facts.furniture:
             doors = [d for d in self._facts.doors_of(owner) if not d.wide]
+            # What was opened once has been looked into, even when it was shut again because it was in the way.
+            doors = [d for d in doors if Clause("open", d.name).as_text() not in self._now.finished]
             doors = [d for d in doors if Clause("open", d.name).as_text() not in above]
             if doors and place in (None, owner):
                 closed[owner] = doors
@@ -301,7 +304,21 @@ class _Rules:
         blames = Counter(b for a in self._now.failures(clause.as_text()) for b in set(self._blames(a, clause)))
         finished = Counter(self._now.finished)
         removals = [(Clause("away", body, place), count) for (body, place), count in blames.items()]
-        return [removal for removal, count in removals if finished[removal.as_text()] < count]
+        return [
+            *(removal for removal, count in removals if finished[removal.as_text()] < count),
+            *self._doors_in_the_way(clause),
+        ]
+
+    def _doors_in_the_way(self, clause: Clause) -> list[Clause]:
+        """Open doors that the last failure found too close, to be shut first."""
+        failures = self._now.failures(clause.as_text())
+        if not failures or failures[-1].after != self._now.finished:
+            return []
+        near = {m["x"] for m in _TOO_CLOSE.finditer(failures[-1].reason)}
+        doors = [j for j in self._facts.joints.values() if j.name in near and j.role == "door"]
+        own = {d.owner for d in self._facts.joints.values() if d.name in clause.phrases} | {*clause.phrases}
+        own |= {b for a, _, b in self._facts.relations if a in clause.phrases}  # what it lies in has to stay open
+        return [Clause("close", d.name) for d in doors if not d.at_start and d.owner not in own]
 
     def _blames(self, attempt: FailedAttempt, clause: Clause) -> list[tuple[str, str]]:
         """Pairs of a body to blame and the thing that it must go away from.

@@ -209,3 +209,41 @@ def test_every_cause_has_words_and_speaks_of_no_part_of_the_robot(kind, sentence
     words = cause_sentences(FailureCause(kind, "red_cube", "so it was", bodies=bodies), OBJECTS)
     assert sentence in words and words[-1] == "so it was."
     assert not any("panda_link7" in line for line in words)
+
+
+DOORS = (
+    "oven: box of 300 x 400 x 300 mm, centre at x 0.700, y 0.200, z 0.150 m",
+    "cabinet: box of 300 x 400 x 500 mm, centre at x 0.500, y -0.500, z 0.250 m",
+    "oven_door is a door of oven and is closed",
+    "cabinet_door is a door of cabinet and is open",
+    "the inside of oven is hidden",
+)
+TOO_CLOSE = (
+    "No motion was found for oven_door. 'oven_door' cannot be taken: all grasps come too close to 'cabinet_door'."
+)
+
+
+def test_an_open_door_that_leaves_no_room_is_shut_first_and_what_it_hides_is_not_searched_again():
+    objects = ("oven", "cabinet")
+    plan = replan("open the oven", (failed("open oven_door", TOO_CLOSE),), facts=DOORS, objects=objects)
+    assert plan.steps == ("close cabinet_door", "open oven_door")
+    shut = tuple(f.replace("cabinet and is open", "cabinet and is closed") for f in DOORS)
+    sought = (*shut, "pear is not in view: no box above the threshold")
+    done = ("open cabinet_door", "close cabinet_door")
+    attempts = (failed("look for pear", "pear is not in view."),)
+    plan = replan("find the pear", attempts, done, facts=sought, objects=objects)
+    assert plan.steps == ("open oven_door", "look for pear")
+
+
+def test_the_door_of_what_a_thing_lies_in_stays_open():
+    facts = (
+        *DOORS,
+        "red_cube: box of 50 x 50 x 50 mm, centre at x 0.500, y -0.500, z 0.200 m",
+        "red_cube is in cabinet",
+    )
+    reason = (
+        "No motion was found for red_cube. 'red_cube' cannot be taken: all grasps come too close to 'cabinet_door'."
+    )
+    attempts = (failed("pick up red_cube", reason),)
+    plan = replan("pick up the red cube", attempts, facts=facts, objects=("oven", "cabinet", "red_cube"))
+    assert plan.steps == ("pick up red_cube",)
