@@ -229,10 +229,10 @@ def main() -> None:
                 rows = table.setdefault((cell_name, state), {})
                 seconds.append(look(world, perception, rows, lines, f"{cell_name} seed {seed} {state}"))
             if args.stacked and all(name in world.objects for name in args.stacked):
-                stack(world, *args.stacked, np.random.default_rng(seed))
+                stack(world, args.stacked[0], args.stacked[1], np.random.default_rng(seed))
                 rows = table.setdefault((cell_name, STACKED), {})
                 label = f"{cell_name} seed {seed} {STACKED}"
-                seconds.append(look(world, perception, rows, lines, label, tuple(args.stacked)))
+                seconds.append(look(world, perception, rows, lines, label, (args.stacked[0], args.stacked[1])))
             world.close()
             print(".", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)

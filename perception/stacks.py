@@ -96,7 +96,7 @@ class Ground:
         lens, pose = self.frame.intrinsics, self.frame.world_T_camera
         lines = []
         for height in (points[:, 2], np.full(len(points), level)):
-            local = (np.c_[points[:, :2], height] - pose[:3, 3]) @ pose[:3, :3]
+            local = (np.c_[points[:, :2], height + self.support] - pose[:3, 3]) @ pose[:3, :3]
             scale = np.maximum(local[:, 2:], 0.02)
             lines.append(np.round(local[:, :2] / scale * [lens.fx, lens.fy] + [lens.cx, lens.cy]).astype(np.int32))
         drawn = np.zeros(pixels.shape, np.uint8)
@@ -113,11 +113,11 @@ def split_stack(blob: np.ndarray, ground: Ground) -> list[StackPart]:
     """
     uppers: list[tuple[np.ndarray, float]] = []  # with the height of what they stand on
     rest = blob
-    found = _split_once(rest, ground)
+    found = _split_once(rest, blob & ~rest, ground)
     while found is not None:
         level, above, rest = found
         uppers += [(pixels, level) for pixels in above]
-        found = _split_once(rest, ground)
+        found = _split_once(rest, blob & ~rest, ground)
     if not uppers:
         return []
     parts = []
@@ -159,15 +159,23 @@ def filled_share(parts: Sequence[StackPart]) -> float:
     return min(1.0, filled / max(prism, 1e-9))
 
 
-def _split_once(blob: np.ndarray, ground: Ground) -> tuple[float, list[np.ndarray], np.ndarray] | None:
-    """Height of the highest level that carries something, what stands on it, and the rest; None if nothing does."""
+def _split_once(
+    blob: np.ndarray, gone: np.ndarray, ground: Ground
+) -> tuple[float, list[np.ndarray], np.ndarray] | None:
+    """Height of the highest level that carries something, what stands on it, and the rest; None if nothing does.
+
+    Args:
+        blob: bool, shape (height, width).
+        gone: What stood on it and was cut off before, bool, same shape.
+        ground: Where its pixels are.
+    """
     known = blob & np.isfinite(ground.heights)
     if known.sum() < 2 * LEAST_PIXELS:
         return None
     std = ground.height_std(known)
     heights = ground.heights[known]
     for level in _levels(heights, std):
-        above = _standing_on(blob, ground, level, FOOT + 2.0 * std)
+        above = _standing_on(blob, gone, ground, level, FOOT + 2.0 * std)
         beside = known & ~np.any(above, axis=0) if above else known
         at_level = beside & (np.abs(ground.heights - level) < FOOT + 2.0 * std)
         carried = []
@@ -209,11 +217,12 @@ def _levels(heights: np.ndarray, std: float) -> list[float]:
     return found
 
 
-def _standing_on(blob: np.ndarray, ground: Ground, level: float, reach: float) -> list[np.ndarray]:
+def _standing_on(blob: np.ndarray, gone: np.ndarray, ground: Ground, level: float, reach: float) -> list[np.ndarray]:
     """Pieces of a blob that rise over a level, each down to its foot, bool, shape (height, width).
 
     Args:
         blob: bool, shape (height, width).
+        gone: What stood on it and hides part of it, bool, same shape.
         ground: Where its pixels are.
         level: In [m].
         reach: Pixels less than this above the level may be the level's, in [m].
@@ -223,7 +232,8 @@ def _standing_on(blob: np.ndarray, ground: Ground, level: float, reach: float) -
     pieces = []
     for i in range(1, count):
         piece = labels == i
-        if stats[i, cv2.CC_STAT_AREA] < LEAST_PIXELS or piece.sum() < LEAST_FULL * _hull(piece).sum():
+        hull = _hull(piece)
+        if stats[i, cv2.CC_STAT_AREA] < LEAST_PIXELS or (piece | (hull & gone)).sum() < LEAST_FULL * hull.sum():
             continue
         heights = ground.heights[piece]
         if np.nanquantile(heights, 0.9) < level + max(LEAST_TALL, 2.0 * reach):
