@@ -39,6 +39,7 @@ _ONTO = r"(?P<how>on top of|onto|on|inside of|inside|into|in|over|at|to)"
 _FROM = r"(?P<how>away from|(?:from|off)(?: on)?(?: the)? top of|off of|off|out of|from)"
 _PLACE = (
     "place|put|move|stack|set|lay|bring|carry|drop|transfer|take|stow|insert|store|position|deposit|leave|return|slide"
+    "|hide|pop|tuck|rest|get"
 )
 _WISH = r"(?:make sure(?: that)?|see to it that|ensure(?: that)?|i (?:want|need|would like)|we (?:want|need))"
 _BE = r"(?:is|are|to be|be|should be|ends up|belongs|goes)"
@@ -70,6 +71,7 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
             r"(?P<b>.+)",
         ),
         ("place", rf"(?:{_PLACE}) (?P<a>.+?) {_ONTO} (?P<b>.+)"),
+        ("place", r"(?P<x>load|fill) (?P<b>.+?) (?P<how>with) (?P<a>.+)"),
         ("lift", r"(?:pick up|lift up|lift|raise|grasp|grab|hold|fetch(?: me)?|bring me|get me|hand me) (?P<a>.+)"),
         ("lift", r"(?:pick|lift) (?P<a>.+) up"),
         ("lift", r"(?:get|bring|take) (?P<a>[\w ]+)"),
@@ -79,7 +81,8 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
 _VERBS = word_set(
     "place put move stack set lay bring carry drop transfer take remove get clear keep pull pick lift raise grasp "
     "grab look find search locate where show reach touch go approach open close shut unlock press operate flip "
-    "activate stow insert store deposit leave return fetch empty unload ensure push slide check stand"
+    "activate stow insert store deposit leave return fetch empty unload ensure push slide check stand "
+    "hide pop tuck rest load fill"
 )
 # Words that cannot be part of a name: what remains of a clause that says more than the grammar knows.
 _NOT_IN_NAMES = (
@@ -291,6 +294,7 @@ def _parse_clauses(part: str, whole: str, before: _Before) -> list[Clause]:
 def _clauses(kind: ClauseKind, groups: dict, part: str, whole: str, previous: str | None) -> list[Clause]:
     target = _phrase(groups["b"], whole, previous) if groups.get("b") else None
     how = (groups.get("how") or "") if kind in ("place", "check") else ""
+    how = "in" if how == "with" else how  # "load the oven with the cube"
     clauses = []
     for words in re.split(r" and (?:also )?", groups["a"]):
         subject = _phrase(words, whole, previous)

@@ -178,7 +178,9 @@ class _Run:
             claimed = [n for n in self.sight.missing(scene) if self.perceiver.claims_to_see(n, scene, self.pictures())]
             extra = f" (the perceiver sees {', '.join(claimed)}, but no pose was found)" if claimed else ""
             # The planner may have looked behind doors: its own words say what else it tried.
-            tried = f"; {plan.thought}" if any(s.kind == "hands" for s in self.steps) else ""
+            # What was not understood matters more than what is not there.
+            told = any(s.kind == "hands" for s in self.steps) or "in view" not in plan.thought
+            tried = f"; {plan.thought}" if told else ""
             return self.sight.missing_sentence(scene) + extra + tried
         if first and not self.steps:
             raise GoalError(plan.thought)

@@ -26,6 +26,9 @@ SYNONYMS = (
     word_set("cube block brick"),
     word_set("cabinet cupboard closet"),
     word_set("crate box"),
+    word_set("can tin"),
+    word_set("violet purple"),
+    word_set("grey gray"),
     word_set("bar rod stick"),
     word_set("lever handle switch"),
     word_set("sensor plate scale"),
@@ -97,7 +100,8 @@ def _may_mean(wanted: list[str], name: list[str]) -> bool:
     plain = [w for w in name if not w.isdigit()]
     if not plain_wanted or not plain or not _same_noun(plain_wanted[-1], plain[-1]):
         return False
-    said, known = set(plain_wanted[:-1]), set(plain[:-1])
+    said = {next((k for k in plain[:-1] if _same_noun(w, k)), w) for w in plain_wanted[:-1]}
+    known = set(plain[:-1])
     unsaid = said - known
     # "big red cube" may be red_cube, but "stone cabinet" is not wooden_cabinet.
     return not unsaid or (known <= said and not unsaid & COLOURS)

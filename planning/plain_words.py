@@ -59,6 +59,14 @@ def plainer(part: str, subject: str | None, target: str | None, stop: frozenset[
     text = re.sub(r"\b(left|right) hand (?=door|side)", r"\1 ", text)
     text = _DOOR_OF.sub(r"\2 \1", text)
     text = re.sub(r"\bfrom (?:inside|within)(?: of)?\b", "from", text)
+    text = re.sub(r"\bover (?=to\b|onto\b|on\b|in\b|into\b)", "", text)
+    # Where a thing is taken from is seen; where it goes is what is wanted.
+    text = re.sub(
+        r"^((?:transfer|move|take|bring|carry) .+?) (?:from|out of) (?:the )?\w+(?: \w+)? "
+        r"(?=to\b|into\b|onto\b|in\b|on\b)",
+        r"\1 ",
+        text,
+    )
     text = re.sub(r"\b(?:back|down|away|up) (?=(?:on|onto|in|into|inside)\b)", "", text)
     text = re.sub(r"^(?:get|fetch|bring|hand|give) me ", "get ", text)
     text = re.sub(r"\bstand (?=.+ on)", "put ", text)
