@@ -186,7 +186,7 @@ def _split_once(
                 carried.append(piece)
         if carried:
             rest = _opened(blob & ~np.any(carried, axis=0))
-            if rest.sum() >= LEAST_PIXELS:
+            if (rest & known).sum() >= LEAST_PIXELS:
                 return level, carried, rest
     return None
 
@@ -241,7 +241,9 @@ def _standing_on(blob: np.ndarray, gone: np.ndarray, ground: Ground, level: floa
         foot = piece & (ground.heights < level + 2.0 * reach)
         down = ground.moved_down(foot, level) if foot.any() else foot
         full = cv2.morphologyEx((piece | down).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
-        pieces.append(_opened(full & blob))
+        whole = _opened(full & blob)
+        if (whole & np.isfinite(ground.heights)).sum() >= LEAST_PIXELS:
+            pieces.append(whole)
     return pieces
 
 

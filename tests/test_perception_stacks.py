@@ -1,5 +1,7 @@
 """Things of one colour that stand on each other: cut where a level carries something narrower, and nowhere else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,12 @@ def test_a_cube_on_a_crate_of_its_colour_is_two_parts(view):
     assert upper.sizes == pytest.approx([0.05] * 3, abs=0.01)
     assert lower.sizes == pytest.approx([0.11, 0.11, 0.06], abs=0.012)
     assert not (upper.pixels & lower.pixels).any() and not (upper.pixels & ~lower.rest).any()
+
+
+def test_where_the_lower_thing_has_no_depth_nothing_is_cut(red_stack):
+    heights = height_map(red_stack)
+    lost = (heights > 0.006) & (heights < 0.07)
+    assert parts_in(replace(red_stack, depth=np.where(lost, np.nan, red_stack.depth).astype(np.float32))) == []
 
 
 UPON = {
