@@ -135,7 +135,7 @@ class Situation:
             model = resolve(like, self.objects)
             return model, self._colour(model)
         usual = LOOKS.get(words_of(like)[-1])
-        if usual is None or len(usual.colours) > 1:
+        if usual is None or len(usual.colours) != 1:
             raise MissingName(like, self.objects)
         return as_name(like), usual.colours[0]
 

@@ -71,10 +71,11 @@ def save_tiny_vision_model(folder: Path) -> None:
         patch_size=14,
         projection_dim=16,
     )
+    (image_token,) = tokenizer.convert_tokens_to_ids(["<image>"])
     config = LlavaConfig(
         vision_config=sees,
         text_config=_llama_config(len(tokenizer)),
-        image_token_index=tokenizer.convert_tokens_to_ids("<image>"),
+        image_token_index=image_token,
         vision_feature_layer=-1,
         image_seq_length=PATCHES,
     )

@@ -42,8 +42,8 @@ class Names:
         rng = random.Random(seed)
         colours, things = rng.sample(COLOURS, 5), rng.sample(THINGS, 5)
         loose = [f"{c}_{t}" for c, t in zip(colours, things, strict=True)]
-        houses = [f"{m}_{h}" for m, h in zip(rng.sample(MAKES, 2), rng.sample(HOUSES, 2), strict=True)]
-        return cls(loose[0], loose[1], loose[2], tuple(loose[3:]), *houses, rng.choice(LEVERS), rng.choice(PLATES))
+        house, other = (f"{m}_{h}" for m, h in zip(rng.sample(MAKES, 2), rng.sample(HOUSES, 2), strict=True))
+        return cls(loose[0], loose[1], loose[2], tuple(loose[3:]), house, other, rng.choice(LEVERS), rng.choice(PLATES))
 
     def furniture(self, *names: str) -> dict:
         known = {
