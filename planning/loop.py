@@ -357,7 +357,8 @@ class _Run:
         parts = []
         for done in self._lasting():
             parts.append(self.judge(done.spec.primary, scene, done.before).text)
-        answers = [o.split("? ", 1)[-1].rstrip(".") for o in self.observations]  # without their questions
+        # The last answer to each question, without the question.
+        answers = {o.split("? ", 1)[0]: o.split("? ", 1)[-1].rstrip(".") for o in self.observations}.values()
         return "; ".join(parts or answers) or "all steps were done"
 
     def _result(self, reached: bool, reason: str, scene: SceneEstimate) -> GoalResult:

@@ -1,6 +1,7 @@
 """Tiny chat models with random weights in a folder, of the same classes as the published ones, for the tests."""
 
 from pathlib import Path
+from typing import cast
 
 from perception.devices import load_package
 
@@ -71,7 +72,7 @@ def save_tiny_vision_model(folder: Path) -> None:
         patch_size=14,
         projection_dim=16,
     )
-    (image_token,) = tokenizer.convert_tokens_to_ids(["<image>"])
+    image_token = cast(int, tokenizer.convert_tokens_to_ids("<image>"))
     config = LlavaConfig(
         vision_config=sees,
         text_config=_llama_config(len(tokenizer)),
