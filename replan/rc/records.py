@@ -27,8 +27,8 @@ class Setup:
         format: `FORMAT`.
         version: Of this program.
         code: Hash of everything that an episode runs on: sources, prompts, cells.
-        reasoner: Options of the reasoner that are not the default ones, `planning.reasoners.ReasonerOptions`; the share
-            of mistakes made on purpose belongs to the variant.
+        reasoner: Its backend and those options that are not the default ones, `planning.reasoners.ReasonerOptions`; the
+            share of mistakes made on purpose belongs to the variant.
         detector, segmenter: As in `replan run`.
         time_limit_s: Longest wall time of an episode in [s].
     """
@@ -49,7 +49,7 @@ class Setup:
 def setup_now(reasoner: ReasonerOptions, detector: str, segmenter: str, time_limit_s: float) -> Setup:
     """The configuration with this program as it is now."""
     usual = asdict(ReasonerOptions())
-    chosen = {k: v for k, v in asdict(replace(reasoner, noise=0.0)).items() if v != usual[k]}
+    chosen = {k: v for k, v in asdict(replace(reasoner, noise=0.0)).items() if v != usual[k] or k == "backend"}
     return Setup(
         json.loads(json.dumps(chosen, default=str)),
         detector,
