@@ -143,7 +143,7 @@ def test_runs_with_spoiled_answers_end_in_words_and_say_what_is_seen():
     for seed in range(60):
         world = World({"crate": "table", "red_cube": "table", "yellow_cube": "crate"}, frozenset({"crate"}))
         log = Journal()
-        noisy = NoisyReasoner(BuiltinReasoner(), NoiseOptions(0.15), np.random.default_rng(seed), log)
+        noisy = NoisyReasoner(BuiltinReasoner(), NoiseOptions(0.4), np.random.default_rng(seed), log)
         try:
             result = run_loop(
                 "place the red cube on the crate",

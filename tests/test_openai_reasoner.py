@@ -72,7 +72,7 @@ def test_a_question_goes_out_with_the_role_and_comes_back_as_text(server):
 
 def test_a_plan_as_an_object_is_read_by_the_parser_of_plans(server):
     server.acts = [PLAN]
-    fields = {"objects": ("red_cube", "crate"), "goal": "place the red cube on the crate"}
+    fields = {"objects": ("red_cube", "crate"), "goal": "place the red cube on the crate", "facts": ()}
     plan = Asker(reasoner(server), Journal()).ask("high_level_plan", fields, answers.parse_plan)
     assert plan.thought == "Simple." and plan.steps == ("place red_cube on crate", "touch crate")
     sent = server.requests[0]
@@ -125,7 +125,7 @@ def test_every_form_of_answer_has_an_object_that_its_parser_reads(server):
 )
 def test_an_object_of_another_form_is_asked_for_again_with_what_is_wrong(server, answer, fault):
     server.acts, log = [answer, PLAN], Journal()
-    fields = {"objects": ("red_cube", "crate"), "goal": "place the red cube on the crate"}
+    fields = {"objects": ("red_cube", "crate"), "goal": "place the red cube on the crate", "facts": ()}
     assert len(Asker(reasoner(server), log).ask("high_level_plan", fields, answers.parse_plan).steps) == 2
     assert fault in log.of("malformed")[0]["reason"]
     assert log.of("answer")[0]["answer"] == answer
