@@ -80,7 +80,8 @@ def _estimate(views: Sequence[tuple[RgbdFrame, TrueObject]]) -> ObjectEstimate:
         score=1.0,
         stamp=max(frame.stamp for frame, _ in views),
         evidence=tuple(_evidence(frame, seen) for frame, seen in views),
-        joint_fractions=thing.joint_fractions,
+        # A simulated joint may stand a hair beyond its ends.
+        joint_fractions={name: min(1.0, max(0.0, f)) for name, f in thing.joint_fractions.items()},
         joint_stds=dict.fromkeys(thing.joint_fractions, EXACT),
         extents_std=np.full(3, EXACT),
     )
