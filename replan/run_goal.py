@@ -241,11 +241,11 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             if on_client:
                 on_client("after", client)
         except BaseException as error:
+            episode.log("reasoner_usage", by_contract=counting.as_rows(), total=counting.total())
             episode.log("ended_early", error=type(error).__name__, reason=str(error))
             raise
-        finally:
-            episode.log("reasoner_usage", by_contract=counting.as_rows(), total=counting.total())
         taken = counting.total()
+        episode.log("reasoner_usage", by_contract=counting.as_rows(), total=taken)
         report = RunReport(
             reached=result.reached,
             reason=result.reason,
