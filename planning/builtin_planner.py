@@ -53,7 +53,7 @@ def motion_description(fields: Mapping[str, Any]) -> str:
 
 def _joint_lines(clause: Clause, fields: Mapping[str, Any]) -> list[DescriptionLine]:
     joint = as_name(clause.subject)
-    # "open wooden_cabinet" means its first door.
+    # A piece of furniture by its own name means its first door.
     joint = next((j for j in fields["joints"] if j == joint or j.startswith(f"{joint}_")), joint)
     owner = owner_of(joint, fields["objects"])
     if joint not in fields["joints"] or owner is None:

@@ -130,7 +130,7 @@ class Situation:
         return found[0]
 
     def _model(self, like: str) -> tuple[str, str | None]:
-        """A thing whose colour is meant, in view or as it usually is ("the colour of a lemon"), and that colour."""
+        """A thing whose colour is meant, in view or as it usually is ("the colour of a fruit"), and that colour."""
         if candidates(like, self.objects):
             model = resolve(like, self.objects)
             return model, self._colour(model)

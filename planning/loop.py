@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from control.errors import GoalError, ReasonerError, RefusedError, RewardSpecError, UnknownObjectError
+from control.errors import GoalError, ReasonerError
 from control.failure import FailureCause
 from control.rewards import PALM, RewardSpec
 from perception.estimates import SceneEstimate
 from planning.answers import Plan, parse_completion, parse_plan, parse_yes_no
 from planning.diagnosis import diagnose
 from planning.furnishings import KnownFurniture
-from planning.interfaces import AttemptResult, Eyes, Hands, Judge, Judgement
+from planning.interfaces import AttemptResult, Eyes, Hands, Judge
 from planning.learnt import CellMemory
 from planning.memory import NOBODY_KNOWS, FailedAttempt, FailedPlan, cause_sentences
 from planning.names import mentioned
@@ -21,6 +21,7 @@ from planning.reasoner import Asker, Log, Reasoner
 from planning.results import GoalResult, LoopSettings, StepRecord
 from planning.sight import Sight
 from planning.subtask import Scope, spec_for
+from planning.trying import attempt, judged
 from planning.verifier import AsWritten, Checker, Verifier
 from prompts.contracts import Role
 
@@ -258,14 +259,14 @@ class _Run:
         except ReasonerError as error:
             self.log("undescribed", action=action, reason=str(error))
             return FailureCause("reasoner_error", action, str(error)), scene
-        cause, after = self._attempt(spec, scene)
+        cause, after = attempt(self.hands, spec, scene, self.log)
         latest = after or self._look()  # fresh eyes after every motion, whatever came of it
         if cause is None or cause.evidence.get("grasps_that_held"):
             # A handle that slipped out of the hand is a door that did not follow: what is seen tells whether it did.
-            judged = self._judged(spec, latest, scene)
-            if judged is not None and judged.kind == "not_achieved":
-                judged = self.hands.explain(spec, latest) or judged
-            cause = cause if cause is not None and judged is not None and judged.kind == "not_achieved" else judged
+            shown = self._judged(spec, latest, scene)
+            if shown is not None and shown.kind == "not_achieved":
+                shown = self.hands.explain(spec, latest) or shown
+            cause = cause if cause is not None and shown is not None and shown.kind == "not_achieved" else shown
         if cause is not None:
             self.say(f"failed: {cause.kind}: {cause.message}")
         if cause is None:
@@ -274,34 +275,9 @@ class _Run:
             self.log("step_failed", action=action, cause=cause)
         return cause, latest
 
-    def _attempt(self, spec: RewardSpec, scene: SceneEstimate) -> tuple[FailureCause | None, SceneEstimate | None]:
-        subject = spec.primary.subject
-        try:
-            result = self.hands.attempt(spec, scene)
-        except RefusedError as error:
-            return FailureCause("refused_by_robot", subject, str(error), check=error.code), None
-        except UnknownObjectError as error:
-            return FailureCause("not_seen", subject, str(error)), None
-        except RewardSpecError as error:
-            # Well-formed, yet nothing that these hands can do: the planner may ask for it in another way.
-            return FailureCause("reasoner_error", subject, str(error)), None
-        self.log("attempt", ok=result.ok, cause=result.cause, stats=result.stats)
-        if not result.ok and result.cause is None:
-            return FailureCause("not_achieved", subject, "the motion failed without a cause"), result.scene_after
-        return (None if result.ok else result.cause), result.scene_after
-
     def _judged(self, spec: RewardSpec, scene: SceneEstimate, before: SceneEstimate) -> FailureCause | None:
         """None when the primary term is seen to be met."""
-        term = spec.primary
-        try:
-            judgement: Judgement = self.judge(term, scene, before)
-        except UnknownObjectError as error:
-            return FailureCause("not_seen", term.subject, str(error))
-        self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
-        self.say(f"seen: {judgement.text}" + ("" if judgement.met else " (not what was wanted)"))
-        if judgement.met:
-            return None
-        return FailureCause("not_achieved", term.subject, judgement.text, evidence={"residual": judgement.residual})
+        return judged(self.judge, spec.primary, scene, before, self.log, self.say)[0]
 
     def _diagnose(self, action: str, plan: Plan, cause: FailureCause, scene: SceneEstimate) -> None:
         self.memory.note_failure(cause)

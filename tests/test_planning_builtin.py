@@ -5,7 +5,15 @@ import inspect
 import pytest
 
 from control.errors import ReasonerError
-from planning import answers, builtin, builtin_perceiver, builtin_planner, builtin_verifier
+from planning import (
+    answers,
+    builtin,
+    builtin_perceiver,
+    builtin_planner,
+    builtin_plans,
+    builtin_situation,
+    builtin_verifier,
+)
 from planning.builtin import BuiltinReasoner
 from planning.memory import FailedAttempt, cause_sentences
 from planning.reward_program import parse_reward_answer
@@ -34,9 +42,9 @@ def test_there_is_a_rule_for_every_contract_and_an_error_for_others():
 
 def test_no_rule_knows_a_thing_of_any_cell():
     """Neither benchmark objects nor colours of theirs may decide anything."""
-    for module in (builtin, builtin_planner, builtin_perceiver, builtin_verifier):
+    for module in (builtin, builtin_planner, builtin_plans, builtin_situation, builtin_perceiver, builtin_verifier):
         code = inspect.getsource(module)
-        for word in ("red_cube", "yellow_cube", "crate", "lemon", "kettle", "bowl"):
+        for word in ("red_cube", "yellow_cube", "crate", "lemon", "kettle", "bowl", "microwave", "wooden_cabinet"):
             assert word not in code, f"{module.__name__} speaks of {word}"
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from control.errors import GoalError, RefusedError, RewardSpecError, UnknownObjectError
+from control.errors import GoalError
 from control.failure import FailureCause
 from control.rewards import RewardSpec, RewardTerm
 from perception.estimates import SceneEstimate
@@ -12,6 +12,7 @@ from planning.interfaces import Eyes, Hands, Judge
 from planning.reasoner import Log
 from planning.results import GoalResult, StepRecord
 from planning.sight import Sight
+from planning.trying import attempt, judged
 
 
 class Trial:
@@ -88,32 +89,11 @@ class Trial:
 
     def attempted(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         """One attempt of the hands; why nothing was played to its end, or None."""
-        subject = spec.primary.subject
-        try:
-            result = self.hands.attempt(spec, scene)
-        except RefusedError as error:
-            return FailureCause("refused_by_robot", subject, str(error), check=error.code)
-        except UnknownObjectError as error:
-            return FailureCause("not_seen", subject, str(error))
-        except RewardSpecError as error:
-            return FailureCause("reasoner_error", subject, str(error))
-        self.log("attempt", ok=result.ok, cause=result.cause, stats=result.stats)
-        if result.ok:
-            return None
-        return result.cause or FailureCause("not_achieved", subject, "the motion failed without a cause")
+        return attempt(self.hands, spec, scene, self.log)[0]
 
     def judged(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate) -> tuple[FailureCause | None, str]:
         """Why a term is not seen to be met (None if it is), and what is seen, in a sentence."""
-        try:
-            judgement = self._judge(term, scene, before)
-        except UnknownObjectError as error:
-            return FailureCause("not_seen", term.subject, str(error)), str(error)
-        self.log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)
-        self.say(f"seen: {judgement.text}" + ("" if judgement.met else " (not what was wanted)"))
-        if judgement.met:
-            return None, judgement.text
-        evidence = {"residual": judgement.residual}
-        return FailureCause("not_achieved", term.subject, judgement.text, evidence=evidence), judgement.text
+        return judged(self._judge, term, scene, before, self.log, self.say)
 
     def done(self, action: str, cause: FailureCause | None, kind: str = "hands") -> None:
         """Note a step that was tried."""
