@@ -139,7 +139,7 @@ def test_a_run_with_a_server_that_is_not_there_ends_with_one_line_and_its_record
     assert f"no language server answers at {address}" in one_line_reason(process)
     (folder,) = (tmp_path / "runs").iterdir()
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-    assert [e["event"] for e in events] == ["run", "server_request", "ended_early", "reasoner_usage"]
+    assert [e["event"] for e in events] == ["run", "server_request", "reasoner_usage", "ended_early"]
 
 
 def test_a_run_with_options_that_do_not_go_together_is_wrong_usage(tmp_path):
