@@ -103,6 +103,8 @@ class PlayedMotion:
     def next_command(self) -> tuple[np.ndarray, np.ndarray, GripperCommand | None] | None:
         """Joint positions in [rad], velocities in [rad/s] and gripper command of this millisecond; None at the end."""
         playback, row = self._playback, self._row
+        if self._supervisor.waiting and not self.stopping:
+            return playback.q[self._last], np.zeros_like(playback.qd[self._last]), None
         if row >= len(playback.q):
             return None
         command = None
