@@ -37,6 +37,7 @@ class SegmentMessage(Message):
     stop: Annotated[int, Field(ge=0)]
     held: Name | None
     touching: Annotated[tuple[tuple[Name, Name], ...], Field(max_length=1000)]
+    held_mass: Annotated[float, Field(ge=0)] | None
 
 
 class CertificateMessage(Message):
@@ -98,7 +99,14 @@ class TrajectoryRequest(Message):
             for e in trajectory.gripper
         )
         segments = tuple(
-            SegmentMessage(name=s.name, start=int(s.start), stop=int(s.stop), held=s.held, touching=s.touching)
+            SegmentMessage(
+                name=s.name,
+                start=int(s.start),
+                stop=int(s.stop),
+                held=s.held,
+                touching=s.touching,
+                held_mass=None if s.held_mass is None else float(s.held_mass),
+            )
             for s in trajectory.segments
         )
         return cls(
@@ -123,7 +131,9 @@ class TrajectoryRequest(Message):
         if self.joint_names != JOINT_NAMES:
             raise MessageError("joint_names", f"are {list(self.joint_names)}; they must be {list(JOINT_NAMES)}")
         events = tuple(GripperEvent(e.time, e.dwell, GripperCommand(e.kind, e.width, e.force)) for e in self.gripper)
-        segments = tuple(TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching) for s in self.segments)
+        segments = tuple(
+            TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching, s.held_mass) for s in self.segments
+        )
         try:
             return Trajectory(self.q, self.qd, self.qdd, events, segments, self.joint_names)
         except TrajectoryError as error:
