@@ -91,7 +91,8 @@ class RobotNode:
             for key, handler in {
                 INFO_KEY: self._answer_info,
                 STATE_KEY: self._answer_state,
-                f"{FRAME_KEY}/*": self._answer_frame,
+                # One key a camera: the keys of other cameras are answered by the processes that have them.
+                **{f"{FRAME_KEY}/{camera}": self._answer_frame for camera in cameras},
                 TRAJECTORY_KEY: self._answer_trajectory,
                 STOP_KEY: self._answer_stop,
                 SPEED_KEY: self._answer_speed,

@@ -26,6 +26,7 @@ ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
 INFO_KEY = "cell/info"
 STATE_KEY = "cell/state"  # published, and answered to a query with a fresh measurement
 FRAME_KEY = "cell/frame"  # followed by /<camera>
+CAMERA_KEY = "cell/camera"  # liveliness token of a camera process; followed by /<camera>/<owner>
 TRAJECTORY_KEY = "cell/trajectory"
 STOP_KEY = "cell/stop"
 SPEED_KEY = "cell/speed"
