@@ -124,3 +124,13 @@ def decode(data: bytes, expected: type[M]) -> M:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "body"
         raise MessageError(where, first["msg"]) from None
+
+
+def type_of(data: bytes) -> str:
+    """Type name that these bytes give themselves; "" when they are no envelope."""
+    try:
+        envelope = msgpack.unpackb(data, raw=False, use_list=False, strict_map_key=True)
+        name = envelope["type"]
+    except Exception:  # as in `decode`, which says what is wrong
+        return ""
+    return name if isinstance(name, str) else ""
