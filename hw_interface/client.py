@@ -294,7 +294,9 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(trajectory, certificate, None if speed is None else _sendable(speed))
+        request = TrajectoryRequest.of(
+            trajectory, certificate, self.info.epoch, None if speed is None else _sendable(speed)
+        )
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):

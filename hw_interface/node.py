@@ -163,6 +163,12 @@ class RobotNode:
 
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
+        if request.epoch != self._driver.epoch:
+            raise RefusedError(
+                "wrong_epoch",
+                f"the motion is meant for run '{request.epoch}' of a robot process; this is run "
+                f"'{self._driver.epoch}': connect again and look at the scene anew",
+            )
         answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
 
     def _answer_stop(self, query: zenoh.Query) -> None:

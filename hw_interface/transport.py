@@ -18,8 +18,9 @@ from hw_interface.messages import Refusal
 from hw_interface.wire import M, Message, decode, encode
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-# A frozen process is noticed after its lease; four keep-alives a lease leave room for a busy machine.
-LEASE_MS = 600
+# A killed process is noticed at once, a frozen one after its lease. Keep-alives come from the transport's own threads,
+# so a process that computes for seconds without letting go of Python's lock keeps its lease.
+LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
@@ -92,7 +93,7 @@ def open_robot_session(endpoint: str = DEFAULT_ENDPOINT) -> tuple[zenoh.Session,
             port = probe.getsockname()[1]
         endpoint = f"tcp/{host}:{port}"
     try:
-        return zenoh.open(_config("peer", [endpoint], [], 1.0)), endpoint
+        return zenoh.open(_config("router", [endpoint], [], 1.0)), endpoint
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise MachineError(
@@ -138,7 +139,9 @@ def ask(session: zenoh.Session, key: str, request: Message, expected: type[M], t
         payload = reply.err.payload.to_bytes()
         try:
             refusal = decode(payload, Refusal)
-        except MessageError:
+        except MessageError as error:
+            if error.field == "protocol":
+                raise
             break  # the transport's own errors ("Timeout") are plain text
         raise RefusedError(refusal.code, refusal.reason)
     raise RobotGoneError(

@@ -240,7 +240,9 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         )
         try:
             self._player.link.send(LoadMotion(motion=motion.number))
-            answer = self._player.ask(TrajectoryRequest.of(trajectory, certificate), MotionLoaded, LOAD_TIMEOUT)
+            answer = self._player.ask(
+                TrajectoryRequest.of(trajectory, certificate, self.epoch), MotionLoaded, LOAD_TIMEOUT
+            )
         except OSError as error:
             raise RefusedError("not_ready", "the process that talks to the control box is gone") from error
         except StackError as error:
