@@ -31,6 +31,7 @@ from hw_interface.messages import (
     StopRequest,
 )
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
+from hw_interface.operator_lease import Operator
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
@@ -116,6 +117,7 @@ class CellClient:
         self._latest_at = time.monotonic()
         self._count = 0
         self._alive = True
+        self._operator: Operator | None = None  # from the first motion on
         self.endpoint = endpoint
         self.info = info
         self._subscribers = (
@@ -152,7 +154,9 @@ class CellClient:
         self.close()
 
     def close(self) -> None:
-        """Leave; the robot goes on with what it does."""
+        """Leave; a motion that this client sent is brought to rest on its path."""
+        if self._operator is not None:
+            self._operator.close()
         self._session.close()
 
     def cameras(self) -> tuple[str, ...]:
@@ -294,9 +298,10 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(
-            trajectory, certificate, self.info.epoch, None if speed is None else _sendable(speed)
-        )
+        if self._operator is None:
+            self._operator = Operator(self._session)
+        share = None if speed is None else _sendable(speed)
+        request = TrajectoryRequest.of(trajectory, certificate, self.info.epoch, self._operator.identity, share)
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):

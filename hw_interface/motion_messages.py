@@ -60,6 +60,7 @@ class TrajectoryRequest(Message):
     Attributes:
         epoch: Of the robot process that is meant, as in RobotState. A request that was sent to an earlier run of the
             process, or to another robot, is refused: a restarted process no longer knows which certificates were used.
+        operator: Identity of who asks (`hw_interface.operator_lease`); the motion is stopped when that one is gone.
         q, qd, qdd: Samples every millisecond in [rad], [rad/s], [rad/s^2], shape (n, 7).
         gripper, segments, joint_names: As in `control.trajectory.Trajectory`.
         certificate: The verdict's certificate; without one the robot refuses.
@@ -69,6 +70,7 @@ class TrajectoryRequest(Message):
 
     type_name: ClassVar[str] = "trajectory_request"
     epoch: Name
+    operator: Name
     q: JointRows  # type: ignore[valid-type]
     qd: JointRows  # type: ignore[valid-type]
     qdd: JointRows  # type: ignore[valid-type]
@@ -80,10 +82,15 @@ class TrajectoryRequest(Message):
 
     @classmethod
     def of(
-        cls, trajectory: Trajectory, certificate: Certificate | None, epoch: str, speed: float | None = None
+        cls,
+        trajectory: Trajectory,
+        certificate: Certificate | None,
+        epoch: str,
+        operator: str,
+        speed: float | None = None,
     ) -> "TrajectoryRequest":
-        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, and at which share
-        of its speed.
+        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, who asks, and at
+        which share of its speed.
 
         Raises:
             MessageError: Longer than any robot accepts.
@@ -115,6 +122,7 @@ class TrajectoryRequest(Message):
         )
         return cls(
             epoch=epoch,
+            operator=operator,
             q=np.asarray(trajectory.q, "<f8"),
             qd=np.asarray(trajectory.qd, "<f8"),
             qdd=np.asarray(trajectory.qdd, "<f8"),

@@ -37,6 +37,7 @@ LOG = logging.getLogger(__name__)
 LOAD_TIMEOUT = 5.0  # [s]
 RECOVER_TIMEOUT = 10.0  # [s]; brakes may have to open
 REST_TIMEOUT = 2.0  # [s] that an arm may take to rest after its player was ended
+SUPERVISOR = "supervisor"  # who asks the player
 IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # libfranka.RobotMode
 Phase = Literal["resting", "playing", "gripping"]
 
@@ -241,7 +242,7 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         try:
             self._player.link.send(LoadMotion(motion=motion.number))
             answer = self._player.ask(
-                TrajectoryRequest.of(trajectory, certificate, self.epoch), MotionLoaded, LOAD_TIMEOUT
+                TrajectoryRequest.of(trajectory, certificate, self.epoch, SUPERVISOR), MotionLoaded, LOAD_TIMEOUT
             )
         except OSError as error:
             raise RefusedError("not_ready", "the process that talks to the control box is gone") from error
