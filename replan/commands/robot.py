@@ -1,10 +1,10 @@
-"""`replan robot sim|play|speed|acknowledge`: processes and acts on the robot's side."""
+"""`replan robot sim|research-interface|play|speed|acknowledge`: processes and acts on the robot's side."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -43,6 +43,37 @@ class RobotSim:
         from replan.robot_sim import serve_simulated_cell
 
         return serve_simulated_cell(self, console.note)
+
+
+@dataclass(frozen=True)
+class RobotResearchInterface:
+    """Start a simulated Panda behind its own protocol: a control box that libfranka connects to as to a real one.
+
+    It listens on the ports 1337 (robot) and 1338 (Franka's hand) of its address and runs until Ctrl-C.
+    """
+
+    cell: str = "cubes"
+    """Built-in cell or a cell file (YAML) that the robot stands in."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on; may be repeated."""
+    seed: int = 0
+    """Seed of the placement of objects."""
+    address: str = "127.0.0.1"
+    """Address to listen at; another one of 127.0.0.0/8 for each box on this machine."""
+    pace: Literal["real-time", "lockstep"] = "real-time"
+    """Real time as a real robot, or lockstep: a motion advances by the client's commands, however long they take."""
+    control_port: int | None = None
+    """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the ready line as JSON."""
+
+    def execute(self, console: Console) -> int:
+        """Run until told to stop."""
+        console.note(f"simulated control box in cell {self.cell}, seed {self.seed}: building its world")
+        from replan.research_interface import serve_research_interface
+
+        return serve_research_interface(self, console.note)
 
 
 @dataclass(frozen=True)
@@ -135,11 +166,14 @@ class RobotSpeed:
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot's side: start a simulated cell, play a certified trajectory, set the speed, acknowledge a stop."""
+    """The robot's side: start a simulated cell or control box, play a certified trajectory, set the speed, acknowledge
+    a stop.
+    """
 
     which: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[RobotSim, tyro.conf.subcommand("sim")]
+            | Annotated[RobotResearchInterface, tyro.conf.subcommand("research-interface")]
             | Annotated[RobotPlay, tyro.conf.subcommand("play")]
             | Annotated[RobotSpeed, tyro.conf.subcommand("speed")]
             | Annotated[RobotAcknowledge, tyro.conf.subcommand("acknowledge")]
