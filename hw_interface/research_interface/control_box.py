@@ -48,7 +48,8 @@ from hw_interface.research_interface.settings import Settings
 # Lost packets in a row after which a motion is aborted; Franka Control Interface documentation, "Robot limits".
 MOST_LOST = 20
 SUCCESS_WINDOW = 100  # commands that control_command_success_rate counts; libfranka, `robot_state.h`
-RECOVERY_TIME = 0.05  # [s] that a recovery takes at least
+RECOVERY_TIME, LONGEST_RECOVERY = 0.05, 1.0  # [s] that a recovery takes at least, and at most if the arm never rests
+RESTING = 1e-3  # [rad/s] of every joint, below which the arm rests
 
 
 @dataclass
@@ -347,14 +348,17 @@ class ControlBox:
                 self._set_point.moving_at(readings.q, readings.dq)  # give way instead of pressing on
                 self.reflex(Error.JOINT_REFLEX if hit_joints.any() else Error.CARTESIAN_REFLEX)
         if self._motion is not None:
-            error = measured_error(readings.q, readings.dq, readings.tau, self._limits)
+            error = measured_error(readings.q, readings.dq, readings.drive, self._limits)
             if error is not None:
                 self.reflex(error)
 
     def _finish_recovery(self) -> None:
-        if self._recovery is None or self.milliseconds < self._recovery[1] or self._set_point.dq.any():
+        if self._recovery is None or self.milliseconds < self._recovery[1]:
             return
-        command_id, _ = self._recovery
+        command_id, earliest = self._recovery
+        rests = not self._set_point.dq.any() and bool(np.abs(self._readings.dq).max() < RESTING)
+        if not rests and self.milliseconds < earliest + round(LONGEST_RECOVERY / SAMPLE_TIME):
+            return
         self._recovery = None
         self._errors.clear()
         self._joint_collision[:] = 0.0

@@ -17,6 +17,10 @@ from hw_interface.research_interface.set_point import SetPoint
 START_TOLERANCE = 0.02
 # Shares of a limit that rounding of the third difference of q (1e-16 rad * 8 / 1e-9 s^3) never reaches.
 ROUNDING = 1.0 + 1e-6
+# Where the arm itself may be beyond what may be commanded, since it follows with an error: [rad], and a share of the
+# largest speed. Not published.
+POSITION_MARGIN = 0.02
+SPEED_MARGIN = 1.1
 
 
 def start_error(first: np.ndarray, set_point: SetPoint) -> Error | None:
@@ -53,17 +57,18 @@ def torque_command_error(tau: np.ndarray, before: np.ndarray, limits: RobotLimit
     return None
 
 
-def measured_error(q: np.ndarray, dq: np.ndarray, tau: np.ndarray, limits: RobotLimits) -> Error | None:
+def measured_error(q: np.ndarray, dq: np.ndarray, drive: np.ndarray, limits: RobotLimits) -> Error | None:
     """Whether the arm itself is where, or as fast or loaded as, it must not be.
 
     Args:
-        q, dq, tau: Measured, in [rad], [rad/s], [Nm], shape (7,).
+        q, dq: Measured, in [rad] and [rad/s], shape (7,).
+        drive: Torques that the drives give in [Nm], gravity included, shape (7,).
         limits: Of the robot.
     """
-    if (np.abs(dq) > limits.qd).any():
+    if (np.abs(dq) > limits.qd * SPEED_MARGIN).any():
         return Error.JOINT_VELOCITY_VIOLATION
-    if (q < limits.q_min).any() or (q > limits.q_max).any():
+    if (q < limits.q_min - POSITION_MARGIN).any() or (q > limits.q_max + POSITION_MARGIN).any():
         return Error.JOINT_POSITION_LIMITS_VIOLATION
-    if (np.abs(tau) > limits.tau).any():
+    if (np.abs(drive) > limits.tau).any():
         return Error.TAU_J_RANGE_VIOLATION
     return None

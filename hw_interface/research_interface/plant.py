@@ -14,6 +14,9 @@ from hw_interface.sim_backend import SimBackend
 # First-order low-pass of the estimated external torque in [Hz]. Franka publishes none; this one shows a blow to the
 # hand within 10 ms and takes away the chatter of the contact solver.
 EXTERNAL_TORQUE_CUTOFF = 30.0
+# How far the mechanical stops lie beyond the positions that may be commanded in [rad], so that an arm which follows with
+# an error does not strike them. Not published.
+STOPS = 0.05
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class JointReadings:
         q, dq: Positions in [rad] and velocities in [rad/s].
         tau: Torques on the side of the links in [Nm], gravity included.
         dtau: Their rate in [Nm/s].
+        drive: Torques that the drives give in [Nm], gravity included; they also accelerate the drives themselves.
         tau_ext: Low-passed torques that the arm spends on what it touches in [Nm], what the announced load explains
             not counted; positive where the robot pushes: tau = (torque of the robot's own model) + tau_ext.
     """
@@ -32,6 +36,7 @@ class JointReadings:
     dq: np.ndarray
     tau: np.ndarray
     dtau: np.ndarray
+    drive: np.ndarray
     tau_ext: np.ndarray
 
 
@@ -55,6 +60,7 @@ class Plant:
         self._model, self._data = model, data
         joints = [int(model.joint(name).id) for name in ARM_JOINTS]
         self._q, self._v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        model.jnt_range[joints] += (-STOPS, STOPS)
         self._servos = np.array([int(model.actuator(name).id) for name in ARM_ACTUATORS])
         self._armature = model.dof_armature[self._v].copy()
         self._lead = -model.actuator_biasprm[self._servos, 2] / model.actuator_gainprm[self._servos, 0]
@@ -66,7 +72,7 @@ class Plant:
         self._push = np.zeros(7)
         self._smoothing = SAMPLE_TIME / (SAMPLE_TIME + 1.0 / (2.0 * np.pi * EXTERNAL_TORQUE_CUTOFF))
         self._tau_ext = np.zeros(7)
-        self._tau = self._link_torque()
+        self._tau = self._link_torque(self._drive_torque())
         self._dtau = np.zeros(7)
 
     @property
@@ -109,20 +115,23 @@ class Plant:
         data = self._data
         data.qfrc_applied[self._v] = applied
         self.backend.command(q_d, dq_d)
-        tau = self._link_torque()
+        drive = self._drive_torque()
+        tau = self._link_torque(drive)
         self._dtau = (tau - self._tau) / SAMPLE_TIME
         self._tau = tau
         q, dq = data.qpos[self._q], data.qvel[self._v]
         outside = -data.qfrc_constraint[self._v] - self._push
         outside -= self.arm.load_torque(q, dq, data.qacc[self._v])
         self._tau_ext += self._smoothing * (outside - self._tau_ext)
-        return JointReadings(q, dq, tau, self._dtau, self._tau_ext.copy())
+        return JointReadings(q, dq, tau, self._dtau, drive, self._tau_ext.copy())
 
-    def _link_torque(self) -> np.ndarray:
-        """Torque behind motor and gear: what is left of the drive's after accelerating its own inertia."""
+    def _drive_torque(self) -> np.ndarray:
         data, v = self._data, self._v
-        drive = data.qfrc_actuator[v] + data.qfrc_gravcomp[v] + data.qfrc_applied[v] - self._push
-        return drive - self._armature * data.qacc[v]
+        return data.qfrc_actuator[v] + data.qfrc_gravcomp[v] + data.qfrc_applied[v] - self._push
+
+    def _link_torque(self, drive: np.ndarray) -> np.ndarray:
+        """Torque behind motor and gear: what is left of the drive's after accelerating its own inertia."""
+        return drive - self._armature * self._data.qacc[self._v]
 
     def _set_servo(self, on: bool) -> None:
         gain = self._stiffness if on else np.zeros(7)
