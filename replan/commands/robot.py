@@ -1,4 +1,4 @@
-"""`replan robot sim|panda|play|speed|acknowledge`: processes and acts on the robot's side."""
+"""`replan robot sim|panda|research-interface|play|speed|acknowledge`: processes and acts on the robot's side."""
 
 from __future__ import annotations
 
@@ -80,6 +80,37 @@ class RobotPanda:
         from replan.robot_panda import serve_panda
 
         return serve_panda(self, console.note)
+
+
+@dataclass(frozen=True)
+class RobotResearchInterface:
+    """Start a simulated Panda behind its own protocol: a control box that libfranka connects to as to a real one.
+
+    It listens on the ports 1337 (robot) and 1338 (Franka's hand) of its address and runs until Ctrl-C.
+    """
+
+    cell: str = "cubes"
+    """Built-in cell or a cell file (YAML) that the robot stands in."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on; may be repeated."""
+    seed: int = 0
+    """Seed of the placement of objects."""
+    address: str = "127.0.0.1"
+    """Address to listen at; another one of 127.0.0.0/8 for each box on this machine."""
+    pace: Literal["real-time", "lockstep"] = "real-time"
+    """Real time as a real robot, or lockstep: a motion advances by the client's commands, however long they take."""
+    control_port: int | None = None
+    """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the ready line as JSON."""
+
+    def execute(self, console: Console) -> int:
+        """Run until told to stop."""
+        console.note(f"simulated control box in cell {self.cell}, seed {self.seed}: building its world")
+        from replan.research_interface import serve_research_interface
+
+        return serve_research_interface(self, console.note)
 
 
 @dataclass(frozen=True)
@@ -172,12 +203,15 @@ class RobotSpeed:
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot's side: simulated cell, real Panda, playing a certified trajectory, its speed, acknowledging a stop."""
+    """The robot's side: a simulated cell or control box, a real Panda, playing a certified trajectory, its speed,
+    acknowledging a stop.
+    """
 
     which: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[RobotSim, tyro.conf.subcommand("sim")]
             | Annotated[RobotPanda, tyro.conf.subcommand("panda")]
+            | Annotated[RobotResearchInterface, tyro.conf.subcommand("research-interface")]
             | Annotated[RobotPlay, tyro.conf.subcommand("play")]
             | Annotated[RobotSpeed, tyro.conf.subcommand("speed")]
             | Annotated[RobotAcknowledge, tyro.conf.subcommand("acknowledge")]
