@@ -28,6 +28,7 @@ from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    EXECUTING_KEY,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
@@ -164,6 +165,7 @@ class RobotNode:
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
         answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
+        self._session.put(EXECUTING_KEY, encode(request))
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         read_request(query, StopRequest)
