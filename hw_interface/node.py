@@ -31,6 +31,7 @@ from hw_interface.operator_lease import OperatorLease
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    EXECUTING_KEY,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
@@ -185,6 +186,8 @@ class RobotNode:
                 note["operator"] = self._lease.take(request.operator)
             accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
         answer(query, accepted)
+        assert query.payload is not None
+        self._session.put(EXECUTING_KEY, query.payload.to_bytes())
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         request = read_request(query, StopRequest)

@@ -29,6 +29,7 @@ STATE_KEY = "cell/state"  # published, and answered to a query with a fresh meas
 FRAME_KEY = "cell/frame"  # followed by /<camera>
 CAMERA_KEY = "cell/camera"  # liveliness token of a camera process; followed by /<camera>/<owner>
 TRAJECTORY_KEY = "cell/trajectory"
+EXECUTING_KEY = "cell/executing"  # published: each trajectory that the robot has accepted
 STOP_KEY = "cell/stop"
 SPEED_KEY = "cell/speed"
 ACKNOWLEDGE_KEY = "cell/acknowledge"
