@@ -5,7 +5,9 @@ from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
 from replan.commands.record import Record
 from replan.commands.robot import Robot
+from replan.commands.router import Router
 from replan.commands.run import Run
+from replan.commands.security import Security
 from replan.commands.validate import Validate
 
 COMMANDS = {
@@ -14,6 +16,8 @@ COMMANDS = {
     "perceive": Perceive,
     "record": Record,
     "robot": Robot,
+    "router": Router,
+    "security": Security,
     "doctor": Doctor,
     "bench": Bench,
 }
