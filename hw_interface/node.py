@@ -16,6 +16,7 @@ from hw_interface.audit import Audit
 from hw_interface.audit_log import AuditLog
 from hw_interface.frame_message import FrameMessage
 from hw_interface.latched_robot import LatchedRobot
+from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     AcknowledgeRequest,
     CellInfo,
@@ -61,16 +62,18 @@ class RobotNode:
         driver: The driver; ticked by the caller.
         cameras: Names of the cameras.
         take_frame: Takes a picture now; called on the thread that calls `serve`.
-        endpoint: Where to listen.
+        endpoint: Where to listen; with `connect`, of the router to join.
+        security, connect: As in `hw_interface.transport.open_robot_session`.
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
         audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
 
     Attributes:
-        endpoint: Where it really listens.
+        endpoint: Where clients find it.
 
     Raises:
-        ConfigError: The port is in use or the endpoint is not valid.
+        ConfigError: The port is in use, the endpoint is not valid, or the router has a robot already.
+        RobotGoneError: There is no router to join.
     """
 
     def __init__(
@@ -82,6 +85,8 @@ class RobotNode:
         truth: Callable[[], CellTruth] | None = None,
         frame_truth: Callable[[str], FrameTruth] | None = None,
         audit: AuditLog | None = None,
+        security: LinkSecurity | None = None,
+        connect: bool = False,
     ) -> None:
         self._driver = driver
         self._audit = Audit(driver, audit)
@@ -91,7 +96,7 @@ class RobotNode:
         self._frame_truth = frame_truth
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
-        self._session, self.endpoint = open_robot_session(endpoint)
+        self._session, self.endpoint = open_robot_session(endpoint, security, connect)
         self._lease = OperatorLease(self._session)
         self._state_publisher = self._session.declare_publisher(STATE_KEY)
         self._answers = [

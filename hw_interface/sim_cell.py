@@ -7,6 +7,7 @@ import numpy as np
 
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
+from hw_interface.link_security import LinkSecurity
 from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
@@ -46,6 +47,8 @@ def run_sim_cell(
     cell_name: str,
     gate: Gate,
     endpoint: str = DEFAULT_ENDPOINT,
+    security: LinkSecurity | None = None,
+    connect: bool = False,
     speed: float = 1.0,
     supervision: SupervisionLimits | None = None,
     score: bool = False,
@@ -58,7 +61,8 @@ def run_sim_cell(
         world: The world; this function steps it, nobody else may.
         cell_name: As in `RobotState`.
         gate: What the driver checks every trajectory against; its gripper is what the robot in the world carries.
-        endpoint: Where to listen; port 0 picks a free one (see the ready line).
+        endpoint: Where to listen; port 0 picks a free one (see the ready line). With `connect`, of the router to join.
+        security, connect: As in `hw_interface.transport.open_robot_session`.
         speed: Robot time per wall time while moving, 0 = as fast as possible.
         supervision: Where the driver stops by itself.
         score: Offer to a scorer what truly stands there and is seen.
@@ -81,6 +85,8 @@ def run_sim_cell(
         cameras,
         take_frame,
         endpoint=endpoint,
+        security=security,
+        connect=connect,
         speed=speed,
         truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,

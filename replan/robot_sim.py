@@ -11,23 +11,28 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     """Build the world of a cell and serve it until told to stop; returns the exit code.
 
     Raises:
-        ConfigError: Unknown cell, port in use, no rendering.
+        ConfigError: Unknown cell, port in use, no rendering, a link file or endpoint that is not valid.
+        RobotGoneError: There is no router to join.
     """
     from replan.rendering import require_mujoco
 
     require_mujoco()
+    from hw_interface.link_security import link_or_none
     from hw_interface.sim_cell import run_sim_cell
     from replan.robot_gate import cell_gate
     from sim_check.world import build_world
 
     gate, cell = cell_gate(options.cell, options.option)
+    security = link_or_none(options.link)
     world = build_world(cell, options.seed)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
         world,
         cell_name=cell.name,
         gate=gate,
-        endpoint=options.endpoint,
+        endpoint=options.connect or options.endpoint,
+        security=security,
+        connect=options.connect is not None,
         speed=options.speed,
         score=options.score,
         parent_pid=options.parent_pid,

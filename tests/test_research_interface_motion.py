@@ -211,7 +211,7 @@ def test_settings_out_of_range_are_refused(robot: Any):
         lambda: robot.set_load(-1.0, [0.0] * 3, [0.0] * 9),
         lambda: robot.set_k(np.diag([2.0, 1.0, 1.0, 1.0]).ravel().tolist()),
     ):
-        with pytest.raises(Exception, match="invalid argument|Invalid|invalid"):
+        with pytest.raises(Exception, match="nvalid"):
             refused()
 
 
