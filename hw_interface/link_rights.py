@@ -46,6 +46,7 @@ _FROM: Mapping[Role, tuple[_Right, ...]] = {
     "operator": (
         _Right((*_ASK, *_LISTEN, *_WATCH), _EVERYTHING),
         _Right(_BE_SEEN, ("cell/operator/**",)),
+        _Right(_PUBLISH, ("cell/operator_beat/**",)),
     ),
     "viewer": (
         _Right((*_ASK, *_LISTEN), _READABLE),
