@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from control.certificate import Certificate
+from control.errors import RefusedError
 from control.trajectory import Trajectory
 from hw_interface.client import CellClient
 from hw_interface.gate import Gate
@@ -104,11 +105,24 @@ def certified(trajectory: Trajectory, of: Gate) -> Certificate:
 
 
 def wait_for_progress(client: CellClient, samples: int, deadline: float = 20.0) -> None:
-    """Wait until so many samples were played."""
+    """Wait until a motion is under way and so many samples of it were played."""
     until = time.monotonic() + deadline
-    while client.state().progress < samples:
-        assert time.monotonic() < until, client.state()
+    while (state := client.state()).mode != "moving" or state.progress < samples:
+        assert time.monotonic() < until, state
         time.sleep(0.005)
+
+
+def acknowledge(client: CellClient, deadline: float = 30.0) -> None:
+    """Acknowledge as a person would: again while something is being connected to."""
+    until = time.monotonic() + deadline
+    while True:
+        try:
+            client.acknowledge()
+            return
+        except RefusedError as error:
+            if "acknowledge again" not in str(error) or time.monotonic() > until:
+                raise
+            time.sleep(0.2)
 
 
 def wait_for_mode(client: CellClient, *modes: str, deadline: float = 20.0) -> str:

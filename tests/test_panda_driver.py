@@ -15,7 +15,16 @@ from control.trajectory import GripperCommand, Trajectory
 from hw_interface.audit_log import read_audit_log
 from hw_interface.client import CellClient, ExecutionReport
 from tests.hw_support import joined
-from tests.panda_side import PandaSide, certified, gate, off_path, panda_side, wait_for_mode, wait_for_progress
+from tests.panda_side import (
+    PandaSide,
+    acknowledge,
+    certified,
+    gate,
+    off_path,
+    panda_side,
+    wait_for_mode,
+    wait_for_progress,
+)
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 GATE = gate()
@@ -32,7 +41,7 @@ def side(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PandaSide]:
 def client(side: PandaSide) -> Iterator[CellClient]:
     with CellClient.connect(side.endpoint) as connected:
         if connected.state().mode != "idle":
-            connected.acknowledge()
+            acknowledge(connected)
         yield connected
 
 
@@ -217,7 +226,7 @@ def test_a_frozen_player_is_ended_by_the_watchdog_and_started_again_when_acknowl
     assert report is not None and report.reason == "driver_hung", running.error
     assert not Path(f"/proc/{player}").exists()
     wait_for_mode(client, "reflex")
-    client.acknowledge()
+    acknowledge(client)
     again = there_and_back(client)
     assert client.execute(again, certified(again, GATE)).completed
 
