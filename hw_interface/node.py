@@ -12,8 +12,10 @@ from collections.abc import Callable
 import zenoh
 
 from control.errors import RefusedError
-from hw_interface.driver import Driver
+from hw_interface.audit import Audit
+from hw_interface.audit_log import AuditLog
 from hw_interface.frame_message import FrameMessage
+from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     AcknowledgeRequest,
@@ -26,9 +28,11 @@ from hw_interface.messages import (
     StopRequest,
 )
 from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.operator_lease import OperatorLease
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    EXECUTING_KEY,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
@@ -62,6 +66,7 @@ class RobotNode:
         security, connect: As in `hw_interface.transport.open_robot_session`.
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
+        audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
 
     Attributes:
         endpoint: Where clients find it.
@@ -73,7 +78,7 @@ class RobotNode:
 
     def __init__(
         self,
-        driver: Driver,
+        driver: LatchedRobot,
         cameras: tuple[str, ...],
         take_frame: Callable[[str], RgbdFrame],
         endpoint: str,
@@ -81,8 +86,10 @@ class RobotNode:
         frame_truth: Callable[[str], FrameTruth] | None = None,
         security: LinkSecurity | None = None,
         connect: bool = False,
+        audit: AuditLog | None = None,
     ) -> None:
         self._driver = driver
+        self._audit = Audit(driver, audit)
         self._cameras = cameras
         self._take_frame = take_frame
         self._truth = truth
@@ -90,13 +97,15 @@ class RobotNode:
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint, security, connect)
+        self._lease = OperatorLease(self._session)
         self._state_publisher = self._session.declare_publisher(STATE_KEY)
         self._answers = [
             self._offer(key, handler)
             for key, handler in {
                 INFO_KEY: self._answer_info,
                 STATE_KEY: self._answer_state,
-                f"{FRAME_KEY}/*": self._answer_frame,
+                # One key a camera: the keys of other cameras are answered by the processes that have them.
+                **{f"{FRAME_KEY}/{camera}": self._answer_frame for camera in cameras},
                 TRAJECTORY_KEY: self._answer_trajectory,
                 STOP_KEY: self._answer_stop,
                 SPEED_KEY: self._answer_speed,
@@ -129,6 +138,9 @@ class RobotNode:
                 handler(query)
             spent += time.monotonic() - begun
             self.publish_state()
+        if self._driver.moving and (gone := self._lease.lost()):
+            self._driver.reflex("operator_gone", f"{gone}; look at the cell, then acknowledge")
+        self._audit.watch()
         self.publish_state()
         return spent
 
@@ -173,20 +185,31 @@ class RobotNode:
                 f"the motion is meant for run '{request.epoch}' of a robot process; this is run "
                 f"'{self._driver.epoch}': connect again and look at the scene anew",
             )
-        answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
+        certificate = request.certificate_or_none()
+        with self._audit.asking("trajectory", serial=certificate and certificate.serial) as note:
+            if not self._driver.moving:  # a motion under way says itself that the robot is busy
+                note["operator"] = self._lease.take(request.operator)
+            accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
+        answer(query, accepted)
+        assert query.payload is not None
+        self._session.put(EXECUTING_KEY, query.payload.to_bytes())
 
     def _answer_stop(self, query: zenoh.Query) -> None:
-        read_request(query, StopRequest)
-        self._driver.stop()
+        request = read_request(query, StopRequest)
+        self._driver.stop()  # first of all, and whether or not it can be written down
+        self._audit.note("stop", reason=request.reason)
         answer(query, self._driver.state())
 
     def _answer_speed(self, query: zenoh.Query) -> None:
-        self._driver.set_speed(read_request(query, SpeedRequest).speed)
+        speed = read_request(query, SpeedRequest).speed
+        with self._audit.asking("speed", speed=speed):
+            self._driver.set_speed(speed)
         answer(query, self._driver.state())
 
     def _answer_acknowledge(self, query: zenoh.Query) -> None:
         read_request(query, AcknowledgeRequest)
-        self._driver.acknowledge()
+        with self._audit.asking("acknowledge"):
+            self._driver.acknowledge()
         answer(query, self._driver.state())
 
     def _answer_result(self, query: zenoh.Query) -> None:

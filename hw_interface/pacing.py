@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
+from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
 from hw_interface.node import STATE_PERIOD, RobotNode
 from perception.frames import RgbdFrame
@@ -111,7 +112,7 @@ def serve_robot(
             node.close()
 
 
-def announce(node: RobotNode, driver: Driver) -> None:
+def announce(node: RobotNode, driver: LatchedRobot) -> None:
     """Print the one line that tells a parent process that the robot is ready: JSON with endpoint and pid."""
     line = {"ready": True, "endpoint": node.endpoint, "pid": os.getpid(), "cell": driver.cell, "epoch": driver.epoch}
     print(json.dumps(line), file=sys.stdout, flush=True)

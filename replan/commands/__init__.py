@@ -5,6 +5,7 @@ from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
 from replan.commands.record import Record
 from replan.commands.robot import Robot
+from replan.commands.ros2 import Ros2
 from replan.commands.router import Router
 from replan.commands.run import Run
 from replan.commands.security import Security
@@ -18,6 +19,7 @@ COMMANDS = {
     "robot": Robot,
     "router": Router,
     "security": Security,
+    "ros2": Ros2,
     "doctor": Doctor,
     "bench": Bench,
 }
