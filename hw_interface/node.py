@@ -84,9 +84,9 @@ class RobotNode:
         endpoint: str,
         truth: Callable[[], CellTruth] | None = None,
         frame_truth: Callable[[str], FrameTruth] | None = None,
-        audit: AuditLog | None = None,
         security: LinkSecurity | None = None,
         connect: bool = False,
+        audit: AuditLog | None = None,
     ) -> None:
         self._driver = driver
         self._audit = Audit(driver, audit)

@@ -12,10 +12,11 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     """Connect to the control box and serve until told to stop; returns the exit code.
 
     Raises:
-        ConfigError: Unknown cell, port in use, no audit log.
-        MachineError, RobotGoneError: The control box or the gripper is not ready.
+        ConfigError: Unknown cell, port in use, no audit log, a link file or endpoint that is not valid.
+        MachineError, RobotGoneError: The control box or the gripper is not ready, or there is no router to join.
     """
     from hw_interface.audit_log import AuditLog
+    from hw_interface.link_security import link_or_none
     from hw_interface.node import RobotNode
     from hw_interface.pacing import Leash, announce
     from hw_interface.panda.driver import PandaDriver
@@ -24,6 +25,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.panda.serve import supervise
     from replan.robot_gate import cell_gate
 
+    security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
     audit = AuditLog(options.audit_log)
     address = options.address if options.gripper_address is None else options.gripper_address
@@ -41,7 +43,15 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
             hand.close()
             raise
         try:
-            node = RobotNode(driver, (), _no_picture, options.endpoint, audit=audit)
+            node = RobotNode(
+                driver,
+                (),
+                _no_picture,
+                options.connect or options.endpoint,
+                security=security,
+                connect=options.connect is not None,
+                audit=audit,
+            )
             try:
                 announce(node, driver)
                 say(f"the Panda at {options.address} is '{driver.mode}'; Ctrl-C brings it to rest and ends")

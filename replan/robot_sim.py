@@ -22,8 +22,8 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     from replan.robot_gate import cell_gate
     from sim_check.world import build_world
 
-    gate, cell = cell_gate(options.cell, options.option)
     security = link_or_none(options.link)
+    gate, cell = cell_gate(options.cell, options.option)
     world = build_world(cell, options.seed)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(

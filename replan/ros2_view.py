@@ -19,6 +19,7 @@ class Ros2Options:
     """What to show; the fields are explained by `replan ros2 --help`."""
 
     robot: str
+    link: Path | None = None
     cell: str | None = None
     namespace: str = ""
     rmw_zenoh: bool = False
@@ -53,6 +54,7 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
     """
     _check(options)
     from hw_interface.client import CellClient
+    from hw_interface.link_security import link_or_none
     from hw_interface.pacing import Leash
     from hw_interface.ros2.encoding import JOINT_STATE
     from hw_interface.ros2.keys import BridgeNaming, RmwNaming
@@ -61,10 +63,11 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
     from hw_interface.ros2.relay import Relay, watch_cameras
     from hw_interface.transport import open_client_session
 
+    security = link_or_none(options.link)
     with ExitStack() as stack:
-        client = stack.enter_context(CellClient.connect(options.robot))
+        client = stack.enter_context(CellClient.connect(options.robot, security=security))
         view = make_view(_cell(options.cell, client.info.cell))
-        session = open_client_session(options.robot)
+        session = open_client_session(options.robot, security=security)
         stack.callback(session.close)
         space = options.namespace.strip("/")
         naming = RmwNaming(options.domain, space) if options.rmw_zenoh else BridgeNaming(space)

@@ -17,9 +17,9 @@ COMMANDS = {
     "perceive": Perceive,
     "record": Record,
     "robot": Robot,
-    "ros2": Ros2,
     "router": Router,
     "security": Security,
+    "ros2": Ros2,
     "doctor": Doctor,
     "bench": Bench,
 }

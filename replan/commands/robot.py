@@ -65,7 +65,11 @@ class RobotPanda:
     option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Switch of the cell to turn on; may be repeated."""
     endpoint: str = DEFAULT_ENDPOINT
-    """Where to listen; loopback only by default."""
+    """Where to listen: tcp/ within this machine, or tls/HOST:PORT with --link."""
+    connect: str | None = None
+    """Join the router at this endpoint (`replan router`) instead of listening."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     gripper_address: str | None = None
     """Where a Robotiq gripper answers: a serial port (/dev/ttyUSB0) or HOST:PORT. A Franka Hand is at the box."""
     audit_log: Path = Path("runs/robot/audit.jsonl")

@@ -24,7 +24,9 @@ class Ros2:
     """
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process."""
+    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    link: Path | None = None
+    """Link file with this machine's certificates, of role ros2, for tls/ endpoints (docs/security.md)."""
     cell: str | None = None
     """Cell file (YAML) that says where base and cameras stand. Default: the built-in cell that is served."""
     namespace: str = ""
@@ -47,6 +49,7 @@ class Ros2:
         done = show_ros2(
             Ros2Options(
                 robot=self.robot,
+                link=self.link,
                 cell=self.cell,
                 namespace=self.namespace,
                 rmw_zenoh=self.rmw_zenoh,
