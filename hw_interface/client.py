@@ -14,7 +14,8 @@ import zenoh
 from control.certificate import Certificate
 from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
-from hw_interface.errors import MessageError
+from hw_interface.cameras.offers import all_cameras, offered_cameras
+from hw_interface.errors import CameraGoneError, MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.gate import valid_speed
 from hw_interface.messages import (
@@ -55,6 +56,8 @@ from perception.ground_truth import CellTruth, FrameTruth
 __all__ = ["CellClient", "ExecutionReport", "Progress", "SimProcess", "start_sim_process"]
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
+CAMERA_TIMEOUT = 5.0  # [s]; a camera process answers, if with a refusal, within its own much shorter limit
+MAX_FRAME_AGE = 2.0  # [s] on the robot's clock, after the wire; camera processes themselves allow far less
 SILENCE = 3.0  # [s] without a state while the process itself is alive: its loop hangs (a picture may take a second)
 REST_TIMEOUT = 10.0  # [s] that an arm told to stop may take to rest
 
@@ -103,7 +106,13 @@ class ExecutionReport:
 
 
 class CellClient:
-    """Connection to one cell. Make it with `connect`; use it as a context manager or call `close`."""
+    """Connection to one cell. Make it with `connect`; use it as a context manager or call `close`.
+
+    Attributes:
+        endpoint: Where the cell is.
+        info: What it offers.
+        on_frame: Called with each picture that was asked for and came, for records; None for nobody.
+    """
 
     def __init__(self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float) -> None:
         self._session = session
@@ -115,6 +124,7 @@ class CellClient:
         self._alive = True
         self.endpoint = endpoint
         self.info = info
+        self.on_frame: Callable[[RgbdFrame], None] | None = None
         self._subscribers = (
             session.declare_subscriber(STATE_KEY, self._on_state),
             session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True),
@@ -153,8 +163,12 @@ class CellClient:
         self._session.close()
 
     def cameras(self) -> tuple[str, ...]:
-        """Names of the cell's cameras."""
-        return self.info.cameras
+        """Names of the cell's cameras now: the robot process's own, then those of camera processes by name.
+
+        Raises:
+            ConfigError: Two processes offer the same camera.
+        """
+        return all_cameras(self.info.cameras, self.endpoint, offered_cameras(self._session, self._timeout))
 
     def state(self) -> RobotState:
         """State measured now.
@@ -164,21 +178,56 @@ class CellClient:
         """
         return self._same_epoch(ask(self._session, STATE_KEY, StateRequest(), RobotState, self._timeout))
 
-    def frames(self, cameras: Iterable[str] | None = None) -> list[RgbdFrame]:
+    def frames(self, cameras: Iterable[str] | None = None, max_age: float = MAX_FRAME_AGE) -> list[RgbdFrame]:
         """Pictures taken now, one per camera.
 
         Args:
             cameras: Names; all of the cell's cameras by default.
+            max_age: How old a picture may be when it comes, on the robot's clock in [s].
 
         Raises:
-            RefusedError: unknown_camera.
-            RobotGoneError: No answer.
+            ConfigError: Two processes offer the same camera.
+            RefusedError: unknown_camera, stale_frame (the picture is too old), or what a camera process refuses with.
+            CameraGoneError: No answer from a camera process.
+            RobotGoneError: No answer from the robot process.
         """
-        names = self.info.cameras if cameras is None else tuple(cameras)
-        return [
-            ask(self._session, f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, FRAME_TIMEOUT).frame()
-            for name in names
-        ]
+        there = self.cameras()
+        names = there if cameras is None else tuple(cameras)
+        missing = [name for name in names if name not in there]
+        if missing:
+            raise RefusedError("unknown_camera", f"no camera '{missing[0]}' in this cell; it has {list(there)}")
+        return [self._frame(name, max_age) for name in names]
+
+    def _frame(self, name: str, max_age: float) -> RgbdFrame:
+        own = name in self.info.cameras
+        timeout = FRAME_TIMEOUT if own else CAMERA_TIMEOUT
+        try:
+            frame = ask(self._session, f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, timeout).frame()
+        except RobotGoneError as error:
+            if own:
+                raise
+            raise CameraGoneError(
+                f"the process that has camera '{name}' did not answer within {timeout:g} s; it has ended or is frozen; "
+                "see to it (replan camera) and look again"
+            ) from error
+        age = self._robot_time() - frame.stamp
+        if age > max_age:
+            raise RefusedError(
+                "stale_frame",
+                f"the picture of camera '{name}' is {age:.2f} s old; at most {max_age:g} s are allowed; see whether "
+                "its process keeps up and its clock is right (replan doctor)",
+            )
+        if self.on_frame is not None:
+            self.on_frame(frame)
+        return frame
+
+    def _robot_time(self) -> float:
+        """Time on the robot process's clock in [s]; late by what a message takes, never early."""
+        with self._news:
+            latest, at = self._latest, self._latest_at
+        if latest is None:
+            return self.state().stamp
+        return latest.stamp + time.monotonic() - at
 
     def stop(self, reason: str = "") -> RobotState:
         """Ask the arm to come to rest on its path and stay until acknowledged; returns at once.

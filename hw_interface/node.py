@@ -28,6 +28,7 @@ from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    EXECUTING_KEY,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
@@ -91,7 +92,8 @@ class RobotNode:
             for key, handler in {
                 INFO_KEY: self._answer_info,
                 STATE_KEY: self._answer_state,
-                f"{FRAME_KEY}/*": self._answer_frame,
+                # One key a camera: the keys of other cameras are answered by the processes that have them.
+                **{f"{FRAME_KEY}/{camera}": self._answer_frame for camera in cameras},
                 TRAJECTORY_KEY: self._answer_trajectory,
                 STOP_KEY: self._answer_stop,
                 SPEED_KEY: self._answer_speed,
@@ -163,6 +165,7 @@ class RobotNode:
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
         answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
+        self._session.put(EXECUTING_KEY, encode(request))
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         read_request(query, StopRequest)

@@ -20,13 +20,13 @@ from scipy.spatial.transform import Rotation
 
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth
+from perception.mcap_file import Ros2McapFile
 from perception.recorded_truth import LABELS_ENDING, TRUTH_TOPIC, RecordedObject, RecordedTruth
-from perception.ros2_cdr import camera_info, compressed_image, definition, image, string, transforms
+from perception.ros2_cdr import camera_info, compressed_image, image, string, transforms
 
 DepthKind = Literal["16UC1", "32FC1"]
 WORLD = "world"
 MM = 1000.0  # units of 16-bit depth a metre
-CHUNK = 4 * 1024 * 1024  # bytes; a reader holds one chunk
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO, TF, STRING = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 
@@ -48,19 +48,13 @@ class McapFrameWriter:
     def __init__(
         self, path: Path, depth: DepthKind = "16UC1", compress: bool = False, fixed: Collection[str] = ()
     ) -> None:
-        from mcap.writer import CompressionType, Writer  # here, so that reading other formats needs no mcap
-
         if compress and depth != "16UC1":
             raise ValueError("a PNG holds 16-bit depth only")
         self._depth: DepthKind = depth
         self._compress = compress
         self._fixed = frozenset(fixed)
         self._placed: set[str] = set()
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._file = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="replan")
+        self._file = Ros2McapFile(path)
 
     def __enter__(self) -> "McapFrameWriter":
         return self
@@ -72,9 +66,7 @@ class McapFrameWriter:
 
     def close(self) -> None:
         """Complete the file."""
-        if not self._file.closed:
-            self._writer.finish()
-            self._file.close()
+        self._file.close()
 
     def write(self, frame: RgbdFrame, truth: FrameTruth | None = None) -> None:
         """Add a frame.
@@ -98,14 +90,14 @@ class McapFrameWriter:
             (f"/{camera}/color", "rgb8", frame.colour),
             (f"/{camera}/aligned_depth_to_color", self._depth, depth),
         ):
-            self._put(f"{topic}/camera_info", INFO, stamp, info)
+            self._file.put(f"{topic}/camera_info", INFO, stamp, info)
             if self._compress:
                 ending, form, data = _compressed(encoding, pixels)
-                self._put(
+                self._file.put(
                     f"{topic}/image_raw/{ending}", COMPRESSED, stamp, compressed_image(stamp, optical, form, data)
                 )
             else:
-                self._put(f"{topic}/image_raw", IMAGE, stamp, image(stamp, optical, encoding, pixels))
+                self._file.put(f"{topic}/image_raw", IMAGE, stamp, image(stamp, optical, encoding, pixels))
 
     def _pose(self, frame: RgbdFrame, stamp: int, optical: str) -> None:
         fixed = frame.camera in self._fixed
@@ -114,7 +106,7 @@ class McapFrameWriter:
         self._placed.add(optical)
         turned = Rotation.from_matrix(frame.world_T_camera[:3, :3]).as_quat()
         part = (stamp, WORLD, optical, frame.world_T_camera[:3, 3], turned)
-        self._put("/tf_static" if fixed else "/tf", TF, stamp, transforms([part]))
+        self._file.put("/tf_static" if fixed else "/tf", TF, stamp, transforms([part]))
 
     def _truth(self, frame: RgbdFrame, camera: str, stamp: int, optical: str, truth: FrameTruth) -> None:
         labels = np.zeros(frame.depth.shape, np.uint16)
@@ -134,16 +126,9 @@ class McapFrameWriter:
                 )
             )
         text = RecordedTruth(camera=camera, stamp_ns=stamp, objects=tuple(objects), absent=truth.absent)
-        self._put(TRUTH_TOPIC, STRING, stamp, string(text.model_dump_json()))
+        self._file.put(TRUTH_TOPIC, STRING, stamp, string(text.model_dump_json()))
         if any(o.mask is not None for o in truth.objects):
-            self._put(f"/{camera}{LABELS_ENDING}", IMAGE, stamp, image(stamp, optical, "mono16", labels))
-
-    def _put(self, topic: str, kind: str, stamp: int, data: bytes) -> None:
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", definition(kind).encode())
-        if topic not in self._channels:
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-        self._writer.add_message(self._channels[topic], log_time=stamp, data=data, publish_time=stamp)
+            self._file.put(f"/{camera}{LABELS_ENDING}", IMAGE, stamp, image(stamp, optical, "mono16", labels))
 
 
 def topic_name(camera: str) -> str:

@@ -31,7 +31,36 @@ DEFINITIONS = {
         "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
     ),
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    ),
+    "trajectory_msgs/JointTrajectoryPoint": (
+        "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\nfloat64[] effort\n"
+        "builtin_interfaces/Duration time_from_start"
+    ),
+    "trajectory_msgs/JointTrajectory": (
+        "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint[] points"
+    ),
+    "diagnostic_msgs/KeyValue": "string key\nstring value",
+    "diagnostic_msgs/DiagnosticStatus": (
+        "byte level\nstring name\nstring message\nstring hardware_id\ndiagnostic_msgs/KeyValue[] values"
+    ),
+    "diagnostic_msgs/DiagnosticArray": "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status",
+    "rcl_interfaces/Log": (
+        "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line"
+    ),
 }
+
+
+def fields(kind: str) -> list[tuple[str, str]]:
+    """Type and name of each field of a type in DEFINITIONS, for instance ("float64[9]", "k").
+
+    Args:
+        kind: For instance "sensor_msgs/msg/CameraInfo".
+    """
+    lines = DEFINITIONS[kind.replace("/msg/", "/")].splitlines()
+    return [(line.split()[0], line.split()[1]) for line in lines]
 
 
 def definition(kind: str) -> str:
@@ -73,6 +102,20 @@ class Cdr:
         """A uint8[]."""
         self.put("I", len(data))
         self._bytes += data
+        return self
+
+    def texts(self, texts: Sequence[str]) -> "Cdr":
+        """A string[]."""
+        self.put("I", len(texts))
+        for text in texts:
+            self.text(text)
+        return self
+
+    def numbers(self, values: np.ndarray) -> "Cdr":
+        """A float64[] of shape (n,)."""
+        self.put("I", len(values))
+        if len(values):
+            self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % 8) + np.asarray(values, "<f8").tobytes()
         return self
 
     def header(self, stamp_ns: int, frame: str) -> "Cdr":

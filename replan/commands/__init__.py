@@ -5,6 +5,7 @@ from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
 from replan.commands.record import Record
 from replan.commands.robot import Robot
+from replan.commands.ros2 import Ros2
 from replan.commands.run import Run
 from replan.commands.validate import Validate
 
@@ -14,6 +15,7 @@ COMMANDS = {
     "perceive": Perceive,
     "record": Record,
     "robot": Robot,
+    "ros2": Ros2,
     "doctor": Doctor,
     "bench": Bench,
 }
