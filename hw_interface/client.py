@@ -18,6 +18,7 @@ from hw_interface.cameras.offers import all_cameras, offered_cameras
 from hw_interface.errors import CameraGoneError, MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.gate import valid_speed
+from hw_interface.link_security import LinkSecurity, Role
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
@@ -49,7 +50,7 @@ from hw_interface.transport import (
     open_client_session,
 )
 from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest, TruthMessage, TruthRequest
-from hw_interface.wire import decode
+from hw_interface.wire import M, Message, decode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
@@ -114,8 +115,11 @@ class CellClient:
         on_frame: Called with each picture that was asked for and came, for records; None for nobody.
     """
 
-    def __init__(self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float) -> None:
+    def __init__(
+        self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float, role: Role | None = None
+    ) -> None:
         self._session = session
+        self._role: Role | None = role
         self._timeout = timeout
         self._news = threading.Condition()
         self._latest: RobotState | None = None
@@ -131,21 +135,26 @@ class CellClient:
         )
 
     @classmethod
-    def connect(cls, endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0) -> "CellClient":
+    def connect(
+        cls, endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0, security: LinkSecurity | None = None
+    ) -> "CellClient":
         """Connect to the cell at an endpoint.
 
         Args:
             timeout: Longest wait for the connection, and later for each answer, in [s].
+            security: Certificates, for a "tls/" endpoint on another machine. What their role has no right to raises
+                RefusedError (no_right) in any call.
 
         Raises:
             ConfigError: The endpoint is not valid.
-            RobotGoneError: Nobody answers there.
+            RobotGoneError: Nobody answers there, or certificates are not accepted.
             MessageError: The cell speaks another protocol version.
         """
-        session = open_client_session(endpoint, timeout)
+        session = open_client_session(endpoint, timeout, security)
+        role: Role | None = None if security is None else security.role
         try:
-            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout)
-            return cls(session, endpoint, info, timeout)
+            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, role)
+            return cls(session, endpoint, info, timeout, role)
         except BaseException:
             session.close()
             raise
@@ -176,7 +185,7 @@ class CellClient:
         Raises:
             RobotGoneError: No answer, or the robot process was restarted since this client connected.
         """
-        return self._same_epoch(ask(self._session, STATE_KEY, StateRequest(), RobotState, self._timeout))
+        return self._same_epoch(self._ask(STATE_KEY, StateRequest(), RobotState, self._timeout))
 
     def frames(self, cameras: Iterable[str] | None = None, max_age: float = MAX_FRAME_AGE) -> list[RgbdFrame]:
         """Pictures taken now, one per camera.
@@ -202,7 +211,7 @@ class CellClient:
         own = name in self.info.cameras
         timeout = FRAME_TIMEOUT if own else CAMERA_TIMEOUT
         try:
-            frame = ask(self._session, f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, timeout).frame()
+            frame = self._ask(f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, timeout).frame()
         except RobotGoneError as error:
             if own:
                 raise
@@ -235,7 +244,7 @@ class CellClient:
         Raises:
             RobotGoneError: No answer.
         """
-        return ask(self._session, STOP_KEY, StopRequest(reason=reason), RobotState, self._timeout)
+        return self._ask(STOP_KEY, StopRequest(reason=reason), RobotState, self._timeout)
 
     def set_speed(self, speed: float) -> RobotState:
         """Have motions played at a share of their certified speed: the present one from now on, and those after it.
@@ -248,7 +257,7 @@ class CellClient:
                 stays as it was.
             RobotGoneError: No answer.
         """
-        return ask(self._session, SPEED_KEY, SpeedRequest(speed=_sendable(speed)), RobotState, self._timeout)
+        return self._ask(SPEED_KEY, SpeedRequest(speed=_sendable(speed)), RobotState, self._timeout)
 
     def acknowledge(self) -> RobotState:
         """Make a stopped robot ready again.
@@ -257,7 +266,7 @@ class CellClient:
             RefusedError: busy: the arm still moves.
             RobotGoneError: No answer.
         """
-        return ask(self._session, ACKNOWLEDGE_KEY, AcknowledgeRequest(), RobotState, self._timeout)
+        return self._ask(ACKNOWLEDGE_KEY, AcknowledgeRequest(), RobotState, self._timeout)
 
     def truth(self) -> CellTruth:
         """Everything that truly stands in the cell now. For scorers only.
@@ -265,7 +274,7 @@ class CellClient:
         Raises:
             RobotGoneError: The cell does not offer it (it was not started for scoring), or no answer.
         """
-        return ask(self._session, TRUTH_KEY, TruthRequest(), TruthMessage, self._timeout).truth()
+        return self._ask(TRUTH_KEY, TruthRequest(), TruthMessage, self._timeout).truth()
 
     def frame_truth(self, camera: str) -> FrameTruth:
         """What truly is in a camera's picture now, with masks. For scorers only.
@@ -275,7 +284,7 @@ class CellClient:
             RobotGoneError: The cell does not offer it (it was not started for scoring), or no answer.
         """
         key = f"{FRAME_TRUTH_KEY}/{camera}"
-        return ask(self._session, key, FrameTruthRequest(), FrameTruthMessage, FRAME_TIMEOUT).truth()
+        return self._ask(key, FrameTruthRequest(), FrameTruthMessage, FRAME_TIMEOUT).truth()
 
     def execute(
         self,
@@ -303,7 +312,9 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(trajectory, certificate, None if speed is None else _sendable(speed))
+        request = TrajectoryRequest.of(
+            trajectory, certificate, self.info.epoch, None if speed is None else _sendable(speed)
+        )
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):
@@ -317,7 +328,7 @@ class CellClient:
             raise
 
     def _execute(self, request: TrajectoryRequest, on_progress: Callable[[Progress], None] | None) -> ExecutionReport:
-        serial = ask(self._session, TRAJECTORY_KEY, request, Accepted, self._timeout).serial
+        serial = self._ask(TRAJECTORY_KEY, request, Accepted, self._timeout).serial
         self._latest_at = time.monotonic()
         seen = 0
         while True:
@@ -328,13 +339,16 @@ class CellClient:
                 on_progress(Progress(state.progress, state.samples, state))
             if state.mode not in ("moving", "stopping"):
                 break
-        result = ask(self._session, RESULT_KEY, ResultRequest(serial=serial), MotionResult, self._timeout)
+        result = self._ask(RESULT_KEY, ResultRequest(serial=serial), MotionResult, self._timeout)
         if result.outcome == "stopped":
             raise StoppedError(
                 f"the motion was stopped on request after {result.played} of {result.samples} samples; the arm rests "
                 "on its path; acknowledge before moving again"
             )
         return _report(result, self.state())
+
+    def _ask(self, key: str, request: Message, expected: type[M], timeout: float) -> M:
+        return ask(self._session, key, request, expected, timeout, self._role)
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         try:

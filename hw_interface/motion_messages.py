@@ -57,6 +57,8 @@ class TrajectoryRequest(Message):
     """Asks for a trajectory to be played; answered by Accepted or Refusal.
 
     Attributes:
+        epoch: Of the robot process that is meant, as in RobotState. A request that was sent to an earlier run of the
+            process, or to another robot, is refused: a restarted process no longer knows which certificates were used.
         q, qd, qdd: Samples every millisecond in [rad], [rad/s], [rad/s^2], shape (n, 7).
         gripper, segments, joint_names: As in `control.trajectory.Trajectory`.
         certificate: The verdict's certificate; without one the robot refuses.
@@ -65,6 +67,7 @@ class TrajectoryRequest(Message):
     """
 
     type_name: ClassVar[str] = "trajectory_request"
+    epoch: Name
     q: JointRows  # type: ignore[valid-type]
     qd: JointRows  # type: ignore[valid-type]
     qdd: JointRows  # type: ignore[valid-type]
@@ -76,9 +79,10 @@ class TrajectoryRequest(Message):
 
     @classmethod
     def of(
-        cls, trajectory: Trajectory, certificate: Certificate | None, speed: float | None = None
+        cls, trajectory: Trajectory, certificate: Certificate | None, epoch: str, speed: float | None = None
     ) -> "TrajectoryRequest":
-        """The message of a trajectory, its certificate, and the share of its speed to play it at.
+        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, and at which share
+        of its speed.
 
         Raises:
             MessageError: Longer than any robot accepts.
@@ -102,6 +106,7 @@ class TrajectoryRequest(Message):
             for s in trajectory.segments
         )
         return cls(
+            epoch=epoch,
             q=np.asarray(trajectory.q, "<f8"),
             qd=np.asarray(trajectory.qd, "<f8"),
             qdd=np.asarray(trajectory.qdd, "<f8"),

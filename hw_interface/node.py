@@ -14,6 +14,7 @@ import zenoh
 from control.errors import RefusedError
 from hw_interface.driver import Driver
 from hw_interface.frame_message import FrameMessage
+from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     AcknowledgeRequest,
     CellInfo,
@@ -58,15 +59,17 @@ class RobotNode:
         driver: The driver; ticked by the caller.
         cameras: Names of the cameras.
         take_frame: Takes a picture now; called on the thread that calls `serve`.
-        endpoint: Where to listen.
+        endpoint: Where to listen; with `connect`, of the router to join.
+        security, connect: As in `hw_interface.transport.open_robot_session`.
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
 
     Attributes:
-        endpoint: Where it really listens.
+        endpoint: Where clients find it.
 
     Raises:
-        ConfigError: The port is in use or the endpoint is not valid.
+        ConfigError: The port is in use, the endpoint is not valid, or the router has a robot already.
+        RobotGoneError: There is no router to join.
     """
 
     def __init__(
@@ -77,6 +80,8 @@ class RobotNode:
         endpoint: str,
         truth: Callable[[], CellTruth] | None = None,
         frame_truth: Callable[[str], FrameTruth] | None = None,
+        security: LinkSecurity | None = None,
+        connect: bool = False,
     ) -> None:
         self._driver = driver
         self._cameras = cameras
@@ -85,7 +90,7 @@ class RobotNode:
         self._frame_truth = frame_truth
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
-        self._session, self.endpoint = open_robot_session(endpoint)
+        self._session, self.endpoint = open_robot_session(endpoint, security, connect)
         self._state_publisher = self._session.declare_publisher(STATE_KEY)
         self._answers = [
             self._offer(key, handler)
@@ -164,6 +169,12 @@ class RobotNode:
 
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
+        if request.epoch != self._driver.epoch:
+            raise RefusedError(
+                "wrong_epoch",
+                f"the motion is meant for run '{request.epoch}' of a robot process; this is run "
+                f"'{self._driver.epoch}': connect again and look at the scene anew",
+            )
         answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
         self._session.put(EXECUTING_KEY, encode(request))
 

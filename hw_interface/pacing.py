@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
+from hw_interface.link_security import LinkSecurity
 from hw_interface.node import STATE_PERIOD, RobotNode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
@@ -87,19 +88,22 @@ def serve_robot(
     leash: Leash,
     truth: Callable[[], CellTruth] | None = None,
     frame_truth: Callable[[str], FrameTruth] | None = None,
+    security: LinkSecurity | None = None,
+    connect: bool = False,
 ) -> None:
     """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.
 
     Args:
-        driver, cameras, take_frame, endpoint, truth, frame_truth: As in `RobotNode`.
+        driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect: As in `RobotNode`.
         speed: As in `run_loop`.
         leash: When to end.
 
     Raises:
         ConfigError: Endpoint, port or speed are not valid.
+        RobotGoneError: There is no router to join.
     """
     with leash.signals():
-        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth)
+        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect)
         try:
             announce(node, driver)
             run_loop(driver, node, leash, speed)

@@ -11,6 +11,7 @@ from control.limits import RobotLimits
 from control.safety import SafetyLimits
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
+from hw_interface.link_security import LinkSecurity
 from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
@@ -53,6 +54,8 @@ def run_sim_cell(
     robot_limits: RobotLimits,
     safety: SafetyLimits,
     endpoint: str = DEFAULT_ENDPOINT,
+    security: LinkSecurity | None = None,
+    connect: bool = False,
     speed: float = 1.0,
     max_scene_age: float = 300.0,
     torque: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None,
@@ -69,7 +72,8 @@ def run_sim_cell(
         world: The world; this function steps it, nobody else may.
         cell_name, profile, limits_hash: As in `RobotState`.
         robot_limits, safety: What the driver checks every sample against.
-        endpoint: Where to listen; port 0 picks a free one (see the ready line).
+        endpoint: Where to listen; port 0 picks a free one (see the ready line). With `connect`, of the router to join.
+        security, connect: As in `hw_interface.transport.open_robot_session`.
         speed: Robot time per wall time while moving, 0 = as fast as possible.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         torque, tcp: Robot model for the driver's own checks, see `hw_interface.gate.Gate`.
@@ -96,6 +100,8 @@ def run_sim_cell(
         cameras,
         take_frame,
         endpoint=endpoint,
+        security=security,
+        connect=connect,
         speed=speed,
         truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,

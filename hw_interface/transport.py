@@ -1,4 +1,7 @@
-"""Zenoh sessions and request/answer helpers. Loopback TCP only by default; nothing is discovered or multicast.
+"""Zenoh sessions and request/answer helpers. Nothing is discovered or multicast.
+
+Plain TCP stays within this machine (loopback). Between machines there is mutual TLS with rights by role; see
+`hw_interface.link_security`.
 
 A request is a zenoh query. Its answer is either a message of the expected type, or an error payload that holds a
 Refusal. No answer at all means that nobody was there to hear it, which is a failure and never a success.
@@ -14,12 +17,16 @@ import zenoh
 
 from control.errors import ConfigError, MachineError, RefusedError, RobotGoneError
 from hw_interface.errors import MessageError
+from hw_interface.link_rights import access_rules, may_ask
+from hw_interface.link_security import LISTENING_ROLES, ROLES, LinkSecurity, Role
+from hw_interface.link_trouble import why_no_link
 from hw_interface.messages import Refusal
 from hw_interface.wire import M, Message, decode, encode
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-# A frozen process is noticed after its lease; four keep-alives a lease leave room for a busy machine.
-LEASE_MS = 600
+# A killed process is noticed at once, a frozen one after its lease. Keep-alives come from the transport's own threads,
+# so a process that computes for seconds without letting go of Python's lock keeps its lease.
+LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
@@ -37,31 +44,52 @@ TRUTH_KEY = "cell/truth"  # exists only in simulated cells started for scoring
 FRAME_TRUTH_KEY = "cell/frame_truth"  # likewise; followed by the camera's name
 
 
-def parse_endpoint(endpoint: str, allow_remote: bool = False) -> tuple[str, int]:
-    """Host and port of "tcp/HOST:PORT".
+def parse_endpoint(endpoint: str, secured: bool = False) -> tuple[str, str, int]:
+    """Protocol, host and port of "tcp/HOST:PORT" or "tls/HOST:PORT".
+
+    Args:
+        secured: Whether the process has certificates (a link file).
 
     Raises:
-        ConfigError: Another form, or a host that is not this machine while `allow_remote` is False.
+        ConfigError: Another form; plain TCP to or from another machine, or although there are certificates; TLS
+            without them.
     """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.rpartition(":")
-    if protocol != "tcp" or not host or not port.isdecimal() or int(port) > 65535:
+    if protocol not in ("tcp", "tls") or not host or not port.isdecimal() or int(port) > 65535:
         raise ConfigError(
-            f"endpoint '{endpoint}' is not valid; write it as {DEFAULT_ENDPOINT} (port 0 picks a free one)"
+            f"endpoint '{endpoint}' is not valid; write it as {DEFAULT_ENDPOINT} (port 0 picks a free one), or as "
+            "tls/HOST:PORT with a link file between machines"
         )
+    if protocol == "tls" and not secured:
+        raise ConfigError(
+            f"endpoint '{endpoint}' needs certificates: give a link file (--link FILE; `replan security init` makes "
+            "one for each role)"
+        )
+    if protocol == "tcp" and secured:
+        raise ConfigError(
+            f"endpoint '{endpoint}' is plain TCP, but a link file was given: write tls/{address}, or leave the link "
+            "file out"
+        )
+    if protocol == "tcp" and not _is_loopback(host):
+        raise ConfigError(
+            f"endpoint '{endpoint}' is not on this machine; messages over plain TCP are neither encrypted nor "
+            f"authenticated, so only loopback addresses such as {DEFAULT_ENDPOINT} are allowed: write tls/{address} "
+            "and give a link file (--link FILE; `replan security init` makes one for each role)"
+        )
+    return protocol, host, int(port)
+
+
+def _is_loopback(host: str) -> bool:
     try:
-        loopback = host == "localhost" or ipaddress.ip_address(host.strip("[]")).is_loopback
+        return host == "localhost" or ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
-        loopback = False
-    if not (loopback or allow_remote):
-        raise ConfigError(
-            f"endpoint '{endpoint}' is not on this machine; messages are neither encrypted nor authenticated, "
-            f"so only loopback addresses such as {DEFAULT_ENDPOINT} are allowed"
-        )
-    return host, int(port)
+        return False
 
 
-def _config(mode: str, listen: list[str], connect: list[str], timeout: float) -> zenoh.Config:
+def _config(
+    mode: str, listen: list[str], connect: list[str], timeout: float, security: LinkSecurity | None
+) -> zenoh.Config:
     config = zenoh.Config()
     settings = {
         "mode": mode,
@@ -72,62 +100,121 @@ def _config(mode: str, listen: list[str], connect: list[str], timeout: float) ->
         "connect/endpoints": connect,
         "connect/timeout_ms": round(timeout * 1000),
         "connect/exit_on_failure": True,
+        "transport/link/protocols": ["tcp" if security is None else "tls"],
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": KEEP_ALIVES_PER_LEASE,
         "transport/shared_memory/enabled": False,  # segments would outlive a killed process
     }
+    if security is not None:
+        settings |= security.tls_settings()
+        if listen:
+            settings["access_control"] = access_rules()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
 
 
-def open_robot_session(endpoint: str = DEFAULT_ENDPOINT) -> tuple[zenoh.Session, str]:
-    """Session of a robot process that listens at the endpoint, and the endpoint with the port it really has.
+def open_listening_session(
+    endpoint: str = DEFAULT_ENDPOINT, security: LinkSecurity | None = None
+) -> tuple[zenoh.Session, str]:
+    """Session that listens at the endpoint and passes on what its clients say to each other.
+
+    Args:
+        security: Certificates, for a "tls/" endpoint; the session enforces the rights of `hw_interface.link_rights`.
+
+    Returns:
+        The session, and the endpoint with the port it really has.
 
     Raises:
-        ConfigError: The endpoint is not valid or its port is in use.
+        ConfigError: The endpoint is not valid, or the certificate is not one to listen with.
+        MachineError: Its port is in use, or it cannot listen there.
     """
-    host, port = parse_endpoint(endpoint)
+    protocol, host, port = parse_endpoint(endpoint, security is not None)
+    if security is not None and security.role not in LISTENING_ROLES:
+        raise ConfigError(f"the link file has role '{security.role}'; only {' and '.join(LISTENING_ROLES)} may listen")
     if port == 0:
-        with socket.create_server((host, 0)) as probe:  # the transport cannot tell which port it was given
+        with socket.create_server((host.strip("[]"), 0)) as probe:  # the transport cannot tell which port it was given
             port = probe.getsockname()[1]
-        endpoint = f"tcp/{host}:{port}"
+        endpoint = f"{protocol}/{host}:{port}"
     try:
-        return zenoh.open(_config("peer", [endpoint], [], 1.0)), endpoint
+        return zenoh.open(_config("router", [endpoint], [], 1.0, security)), endpoint
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise MachineError(
                 f"port {port} is in use; another cell may be running: end it, or choose another port "
-                f"(--endpoint tcp/{host}:PORT, port 0 picks a free one)"
+                f"(--endpoint {protocol}/{host}:PORT, port 0 picks a free one)"
             ) from error
         raise MachineError(f"cannot listen at '{endpoint}': {error}") from error
 
 
-def open_client_session(endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0) -> zenoh.Session:
-    """Session of a client, connected to the robot process at the endpoint within `timeout` seconds.
+def open_robot_session(
+    endpoint: str = DEFAULT_ENDPOINT, security: LinkSecurity | None = None, connect: bool = False
+) -> tuple[zenoh.Session, str]:
+    """Session of a robot process, and the endpoint at which clients find it.
+
+    Args:
+        endpoint: Where to listen; with `connect`, where the router listens that the robot joins.
+        security: Certificates, for a "tls/" endpoint.
+        connect: Connect to a router instead of listening.
+
+    Raises:
+        ConfigError: The endpoint is not valid, or the certificate is not a robot's.
+        MachineError: The port is in use, or the router has a robot already.
+        RobotGoneError: No router answers there.
+    """
+    if not connect:
+        return open_listening_session(endpoint, security)
+    if security is not None and security.role != "robot":
+        raise ConfigError(f"the link file has role '{security.role}'; a robot process needs one with role 'robot'")
+    session = _connect(endpoint, 5.0, security, "router", "start one (replan router)")
+    if any(reply.ok is not None for reply in session.liveliness().get(ALIVE_KEY, timeout=1.0)):
+        session.close()
+        raise MachineError(f"the router at {endpoint} has a robot already; end that one, or start another router")
+    return session, endpoint
+
+
+def open_client_session(
+    endpoint: str = DEFAULT_ENDPOINT, timeout: float = 5.0, security: LinkSecurity | None = None
+) -> zenoh.Session:
+    """Session of a client, connected to the robot process or router at the endpoint within `timeout` seconds.
+
+    Args:
+        timeout: Longest wait in [s].
+        security: Certificates, for a "tls/" endpoint.
 
     Raises:
         ConfigError: The endpoint is not valid.
-        RobotGoneError: Nobody answers there.
+        RobotGoneError: Nobody answers there, or certificates are not accepted.
     """
-    parse_endpoint(endpoint)
+    return _connect(
+        endpoint,
+        timeout,
+        security,
+        "robot process",
+        "start one (replan robot sim) or give the endpoint that it printed",
+    )
+
+
+def _connect(endpoint: str, timeout: float, security: LinkSecurity | None, whom: str, remedy: str) -> zenoh.Session:
+    protocol, host, port = parse_endpoint(endpoint, security is not None)
     try:
-        return zenoh.open(_config("client", [], [endpoint], timeout))
+        return zenoh.open(_config("client", [], [endpoint], timeout, security))
     except zenoh.ZError as error:
-        raise RobotGoneError(
-            f"no robot process answers at {endpoint} within {timeout:g} s; start one (replan robot sim) "
-            "or give the endpoint that it printed"
-        ) from error
+        why = why_no_link(protocol, host, port, security, timeout)
+        raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error
 
 
-def ask(session: zenoh.Session, key: str, request: Message, expected: type[M], timeout: float) -> M:
+def ask(
+    session: zenoh.Session, key: str, request: Message, expected: type[M], timeout: float, role: Role | None = None
+) -> M:
     """The answer to a request.
 
     Args:
         timeout: Longest wait in [s].
+        role: Of this side's certificate, if it has one: explains why there was no answer.
 
     Raises:
-        RefusedError: The robot answered with a Refusal.
+        RefusedError: The robot answered with a Refusal, or (no_right) the role may not ask this.
         RobotGoneError: No answer.
         MessageError: An answer that is not a message of the expected type.
     """
@@ -139,11 +226,20 @@ def ask(session: zenoh.Session, key: str, request: Message, expected: type[M], t
         payload = reply.err.payload.to_bytes()
         try:
             refusal = decode(payload, Refusal)
-        except MessageError:
+        except MessageError as error:
+            if error.field == "protocol":
+                raise
             break  # the transport's own errors ("Timeout") are plain text
         raise RefusedError(refusal.code, refusal.reason)
+    if role is not None and not may_ask(role, key):
+        raise RefusedError(
+            "no_right",
+            f"this link's certificate has role '{role}', which may not use '{key}'; nothing was done: use a link file "
+            f"of a role that may ({', '.join(r for r in ROLES if may_ask(r, key))})",
+        )
     raise RobotGoneError(
-        f"the robot process did not answer '{key}' within {timeout:g} s; it has ended, is frozen, or does not offer it"
+        f"the robot process did not answer '{key}' within {timeout:g} s; it has ended, is frozen, does not "
+        "offer it, or gives this link no right to it"
     )
 
 

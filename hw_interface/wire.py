@@ -1,11 +1,16 @@
 """Bytes of a message: a msgpack envelope around a strictly checked pydantic model. No scheme that can run code.
 
-    {"protocol": 2, "type": "stop_request", "body": {...}}
+    {"protocol": 3, "type": "stop_request", "crc": 1234567890, "body": {...}}
+
+in this order; `crc` is the CRC-32 (zlib.crc32) of the type's UTF-8 bytes followed by the packed body. TCP's own sum of
+16 bits is made anew by everything that forwards a stream, and plain zenoh carries whatever bytes it is given: without
+the sum a bit that flipped on the way could move an arm elsewhere.
 
 Arrays travel as {"dtype": "<f8", "shape": [n, 7], "data": bytes}, row by row, and are checked against each other
 before numpy sees them.
 """
 
+import zlib
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -15,9 +20,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, Va
 
 from hw_interface.errors import MessageError
 
-PROTOCOL_VERSION = 2  # raised whenever a message changes in a way that an older peer would misread
+PROTOCOL_VERSION = 3  # raised whenever a message changes in a way that an older peer would misread
 MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a millisecond), or a 1280x960 frame
 _ARRAY_KEYS = {"dtype", "shape", "data"}
+_ENVELOPE = ("protocol", "type", "crc", "body")
+_MAX_HEAD_BYTES = 256  # everything before the body
 
 
 class Message(BaseModel):
@@ -86,9 +93,7 @@ def encode(message: Message) -> bytes:
     Raises:
         MessageError: The message would be larger than a peer accepts.
     """
-    envelope = {"protocol": PROTOCOL_VERSION, "type": message.type_name, "body": message.model_dump()}
-    data = msgpack.packb(envelope, use_bin_type=True)
-    assert data is not None
+    data = seal(message.type_name, msgpack.packb(message.model_dump(), use_bin_type=True) or b"")
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(
             "message", f"has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are accepted; split the motion"
@@ -96,31 +101,76 @@ def encode(message: Message) -> bytes:
     return data
 
 
+def seal(type_name: str, body: bytes, protocol: int = PROTOCOL_VERSION) -> bytes:
+    """The envelope around a packed body, with its check sum."""
+    packer = msgpack.Packer(use_bin_type=True, autoreset=False)
+    packer.pack_map_header(len(_ENVELOPE))
+    for part in ("protocol", protocol, "type", type_name, "crc", _checksum(type_name, body), "body"):
+        packer.pack(part)
+    return b"".join((packer.bytes(), body))  # the only copy of the body: pictures have megabytes
+
+
 def decode(data: bytes, expected: type[M]) -> M:
     """The message of the expected type in these bytes.
 
     Raises:
-        MessageError: Not such a message; names the field that is at fault.
+        MessageError: Not such a message; names the field that is at fault ("protocol" for another version, "crc" for
+            bytes that changed on the way).
     """
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError("message", f"has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are accepted")
+    type_name, crc, body = _open(data)
+    if type_name != expected.type_name:
+        raise MessageError("type", f"is {type_name!r}; '{expected.type_name}' was expected here")
+    if crc != _checksum(expected.type_name, body):
+        raise MessageError("crc", "does not fit the message: its bytes changed on the way; send it again")
     try:
-        envelope = msgpack.unpackb(data, raw=False, use_list=False, strict_map_key=True)
+        content = msgpack.unpackb(body, raw=False, use_list=False, strict_map_key=True)
     except Exception as error:  # msgpack raises a dozen kinds, among them plain ValueError and UnicodeDecodeError
-        raise MessageError("message", f"is not msgpack ({type(error).__name__})") from None
-    if not isinstance(envelope, dict) or set(envelope) != {"protocol", "type", "body"}:
-        raise MessageError("message", "must be a map with exactly the keys protocol, type and body")
-    if envelope["protocol"] != PROTOCOL_VERSION or type(envelope["protocol"]) is not int:
-        raise MessageError(
-            "protocol",
-            f"version {envelope['protocol']!r} is not understood; this side speaks version {PROTOCOL_VERSION}: "
-            "install the same release on both sides",
-        )
-    if envelope["type"] != expected.type_name:
-        raise MessageError("type", f"is {envelope['type']!r}; '{expected.type_name}' was expected here")
+        raise MessageError("message", f"has a body that is not msgpack ({type(error).__name__})") from None
     try:
-        return expected.model_validate(envelope["body"])
+        return expected.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "body"
         raise MessageError(where, first["msg"]) from None
+
+
+def _open(data: bytes) -> tuple[object, object, memoryview]:
+    """Type, sum and packed body of an envelope; the body is not copied.
+
+    Raises:
+        MessageError: Another version, or no envelope.
+    """
+    unpacker = msgpack.Unpacker(raw=False, use_list=False, strict_map_key=True)
+    unpacker.feed(data[:_MAX_HEAD_BYTES])
+    head: dict[str, object] = {}
+    try:
+        size = unpacker.read_map_header()
+        for key in _ENVELOPE[:-1]:
+            if unpacker.unpack() != key:
+                break
+            head[key] = unpacker.unpack()
+            if key == "protocol":  # before the rest, which another version may have laid out otherwise
+                _check_protocol(head[key])
+        whole = len(head) == len(_ENVELOPE) - 1 and size == len(_ENVELOPE) and unpacker.unpack() == _ENVELOPE[-1]
+    except MessageError:
+        raise
+    except Exception as error:  # as above
+        raise MessageError("message", f"is not msgpack ({type(error).__name__})") from None
+    if not whole:
+        raise MessageError("message", f"must be a map with exactly the keys {', '.join(_ENVELOPE)}, in this order")
+    return head["type"], head["crc"], memoryview(data)[unpacker.tell() :]
+
+
+def _check_protocol(version: object) -> None:
+    if type(version) is not int or version != PROTOCOL_VERSION:
+        raise MessageError(
+            "protocol",
+            f"version {version!r} is not understood; this side speaks version {PROTOCOL_VERSION}: "
+            "install the same release on both sides",
+        )
+
+
+def _checksum(type_name: str, body: bytes | memoryview) -> int:
+    return zlib.crc32(body, zlib.crc32(type_name.encode()))

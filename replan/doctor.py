@@ -3,6 +3,7 @@
 import importlib.metadata
 import platform
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 PACKAGES = {
@@ -23,7 +24,7 @@ class Finding:
     """One thing that was examined.
 
     Attributes:
-        topic: "package", "rendering", "weights", "reasoner" or "robot".
+        topic: "package", "rendering", "weights", "reasoner", "link" or "robot".
         name: What was examined.
         ok: Whether it is there and works.
         detail: Version, place, or what to do.
@@ -65,6 +66,7 @@ def examine(
     detector: str = "default",
     segmenter: str = "default",
     server: tuple[str, str | None, str] | None = None,
+    link: Path | None = None,
 ) -> Findings:
     """Look at everything; takes a few seconds.
 
@@ -72,6 +74,7 @@ def examine(
         robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
         detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
         server: Address of a language server, model or None, and environment variable of its key; None to ask none.
+        link: Link file of a robot on another machine, or None.
     """
     from replan.doctor_reasoners import examine_reasoners
     from replan.doctor_weights import examine_weights
@@ -82,7 +85,7 @@ def examine(
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
     ]
     items += [Finding("reasoner", r.name, r.here, r.detail) for r in examine_reasoners(server)]
-    items.append(_robot(robot_endpoint))
+    items += [*_link(link), _robot(robot_endpoint, link)]
     return Findings(tuple(items))
 
 
@@ -107,12 +110,32 @@ def _rendering() -> Finding:
         return Finding("rendering", "off-screen", False, str(error), needed=True)
 
 
-def _robot(endpoint: str) -> Finding:
+def _link(link: Path | None) -> list[Finding]:
+    import datetime
+
+    from control.errors import StackError
+    from hw_interface.link_keys import examine_keys
+    from hw_interface.link_security import read_link_file
+
+    if link is None:
+        return []
+    try:
+        known = examine_keys(read_link_file(link), datetime.datetime.now(datetime.UTC))
+    except StackError as error:
+        return [Finding("link", str(link), False, str(error))]
+    return [
+        Finding("link", f"{k.path.name} ({k.name})", not k.trouble, k.trouble or f"good until {k.expires:%Y-%m-%d}")
+        for k in known
+    ]
+
+
+def _robot(endpoint: str, link: Path | None) -> Finding:
     from control.errors import StackError
     from hw_interface.client import CellClient
+    from hw_interface.link_security import link_or_none
 
     try:
-        with CellClient.connect(endpoint, timeout=1.0) as client:
+        with CellClient.connect(endpoint, timeout=1.0, security=link_or_none(link)) as client:
             state = client.state()
     except StackError as error:
         return Finding("robot", endpoint, False, str(error))

@@ -8,6 +8,7 @@ from control.certificate import Certificate
 from control.errors import StoppedError
 from control.trajectory import SAMPLE_TIME, Trajectory
 from hw_interface.client import CellClient, Progress
+from hw_interface.link_security import LinkSecurity
 
 SHARES_TOLD = 10  # lines of progress in a motion
 
@@ -50,6 +51,7 @@ def play(
     endpoint: str,
     say: Callable[[str], None],
     speed: float | None = None,
+    security: LinkSecurity | None = None,
 ) -> PlayReport:
     """Send a robot exactly this trajectory with this certificate, and wait until the arm rests again.
 
@@ -61,6 +63,7 @@ def play(
         endpoint: Of the robot process.
         say: Progress for people, one line a call.
         speed: Share of the certified speed, above 0 and at most 1; None leaves it as it is set on the robot.
+        security: Certificates, for a "tls/" endpoint.
 
     Raises:
         RefusedError: The robot does not play it; nothing moved.
@@ -79,7 +82,7 @@ def play(
                 f"of the motion, speed {progress.state.speed:.2g}"
             )
 
-    with CellClient.connect(endpoint) as client:
+    with CellClient.connect(endpoint, security=security) as client:
         wanted = client.state().speed_wanted if speed is None else speed
         say(f"robot: playing {trajectory.duration:.1f} s of motion at speed {wanted:g}")
         report = client.execute(trajectory, certificate, on_progress, speed)

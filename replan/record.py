@@ -27,6 +27,7 @@ class RecordOptions:
     robot: str | None = None
     cell: str = "cubes"
     cell_options: tuple[str, ...] = ()
+    link: Path | None = None
     seed: int = 0
     cameras: tuple[str, ...] = ()
     seconds: float | None = None
@@ -92,11 +93,14 @@ def record(options: RecordOptions, say: Callable[[str], None]) -> RecordReport:
     """
     _check(options)
     from hw_interface.client import CellClient
+    from hw_interface.link_security import link_of
     from sim_check.cells import load_cell
+
+    security = link_of(options.robot, options.link)
 
     with ExitStack() as stack:
         endpoint = options.robot or _start_cell(options, say, stack)
-        client = stack.enter_context(CellClient.connect(endpoint))
+        client = stack.enter_context(CellClient.connect(endpoint, security=security))
         cameras = options.cameras or client.cameras()
         missing = [c for c in cameras if c not in client.cameras()]
         if missing:

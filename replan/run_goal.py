@@ -19,6 +19,7 @@ from replan.errors import DONE, NOT_REACHED
 
 if TYPE_CHECKING:
     from hw_interface.client import CellClient
+    from hw_interface.link_security import LinkSecurity
     from planning.results import StepRecord
     from replan.stopwatch import Part as PartOfTime
 
@@ -33,6 +34,7 @@ class RunOptions:
     cell: str = "cubes"
     cell_options: tuple[str, ...] = ()
     robot: str | None = None
+    link: Path | None = None
     seed: int = 0
     speed: float = 1.0
     motion_speed: float | None = None
@@ -142,16 +144,18 @@ def run_goal(options: RunOptions, say: Callable[[str], None], on_client: Callabl
             "motions are judged at)"
         )
     check_variant(options)
+    from hw_interface.link_security import link_of
     from replan.rendering import require_mujoco
     from sim_check.cells import load_cell
 
     # The run plans without the part of a cell file that tells a simulated cell what is really there.
     cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True)).model_copy(update={"simulation": None})
+    security = link_of(options.robot, options.link)
     with ExitStack() as stack:
         # A simulated cell builds its world while this process imports what it needs: both take seconds.
         endpoint = _endpoint(options, say, stack)
         require_mujoco()
-        return _run(options, cell, endpoint, say, on_client)
+        return _run(options, cell, endpoint, security, say, on_client)
 
 
 def check_variant(options: RunOptions) -> None:
@@ -176,7 +180,7 @@ def check_variant(options: RunOptions) -> None:
         raise ConfigError("true poses come from a simulated cell that is scored; only benchmarks start one")
 
 
-def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunReport:
+def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | None", say, on_client) -> RunReport:
     # Imported now, while a simulated cell starts: the first retiming would wait a second for it.
     import toppra  # noqa: F401  # pyright: ignore[reportUnusedImport]
 
@@ -210,9 +214,9 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
             reasoner, by_role = make_reasoners(options.reasoner, options.seed, episode.log, stack, say)
             answered_by = reasoner_names(reasoner, by_role)
             episode.log("parts", reasoner=answered_by, perception=perception.name)
-            client: CellClient = stack.enter_context(CellClient.connect(endpoint()))
+            client: CellClient = stack.enter_context(CellClient.connect(endpoint(), security=security))
             if options.mcap:
-                say = _recorded(episode, client, cell, say, stack)
+                say = _recorded(episode, client, cell, security, say, stack)
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
@@ -271,12 +275,12 @@ def _run(options, cell, endpoint: Callable[[], str], say, on_client) -> RunRepor
 
 
 def _recorded(
-    episode, client: "CellClient", cell, say: Callable[[str], None], stack: ExitStack
+    episode, client: "CellClient", cell, security: "LinkSecurity | None", say: Callable[[str], None], stack: ExitStack
 ) -> Callable[[str], None]:
     """Record the run from here on, until `stack` ends; `say` with each line recorded as well."""
     from replan.run_recording import FILE_NAME, RunRecording
 
-    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say)
+    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, security, say)
     stack.callback(recording.close)
     episode.on_event, client.on_frame = recording.event, recording.frame
     return recording.telling(say)

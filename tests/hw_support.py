@@ -1,6 +1,7 @@
 """What the tests of hw_interface share: short motions, certificates, and robots in processes of their own."""
 
 import sys
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -17,6 +18,9 @@ from hw_interface.client import CellClient
 from hw_interface.driver import Driver
 from hw_interface.fake_backend import PerfectRobot
 from hw_interface.gate import Gate
+from hw_interface.link_security import LinkSecurity
+from hw_interface.node import RobotNode
+from hw_interface.pacing import Leash, run_loop
 from hw_interface.process import SimProcess, start_sim_process
 from perception.frames import CameraIntrinsics, RgbdFrame
 
@@ -135,9 +139,27 @@ def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
 
 
 @contextmanager
-def idle_client(endpoint: str) -> Iterator[CellClient]:
+def robot_thread(
+    endpoint: str = "tcp/127.0.0.1:0", security: LinkSecurity | None = None, connect: bool = False
+) -> Iterator[str]:
+    """A robot without physics on a thread of this process; gives the endpoint at which clients find it."""
+    driver, _ = perfect_driver()
+    node = RobotNode(driver, ("front", "side"), blank_frame, endpoint, security=security, connect=connect)
+    leash = Leash()
+    loop = threading.Thread(target=run_loop, args=(driver, node, leash, 1.0))
+    loop.start()
+    try:
+        yield node.endpoint
+    finally:
+        leash.end()
+        loop.join()
+        node.close()
+
+
+@contextmanager
+def idle_client(endpoint: str, security: LinkSecurity | None = None) -> Iterator[CellClient]:
     """A client whose robot is left at rest, acknowledged and at full speed, whatever was done with it."""
-    with CellClient.connect(endpoint) as client:
+    with CellClient.connect(endpoint, security=security) as client:
         yield client
         client.stop()
         assert until(lambda: client.state().mode not in ("moving", "stopping"))

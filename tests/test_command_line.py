@@ -1,10 +1,7 @@
 """What a person meets who types something wrong: one line, the right exit code, and nothing moves."""
 
 import json
-import os
 import socket
-import subprocess
-import sys
 
 import cv2
 import numpy as np
@@ -12,22 +9,7 @@ import pytest
 
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.recordings import save_npz
-
-
-def replan(*arguments, cwd, timeout=120, **environment):
-    """Run the command as a user would; returns the finished process."""
-    command = [sys.executable, "-m", "replan.main", *arguments]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=timeout, env={**os.environ, **environment}
-    )
-
-
-def one_line_reason(process):
-    """The line that says why, and a check that no traceback reached the user."""
-    assert "Traceback" not in process.stderr
-    reasons = [line for line in process.stderr.splitlines() if line.startswith("replan: ")]
-    assert len(reasons) == 1
-    return reasons[0]
+from tests.typed_commands import one_line_reason, replan
 
 
 def test_an_empty_goal_is_a_usage_error(tmp_path):

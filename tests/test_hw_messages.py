@@ -1,5 +1,7 @@
 """Messages: what comes out is what went in, and nothing malformed gets through."""
 
+import zlib
+
 import msgpack
 import numpy as np
 import pytest
@@ -10,26 +12,26 @@ from hw_interface.errors import MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import RobotState, SpeedRequest, StopRequest
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
-from hw_interface.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode
+from hw_interface.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode, seal
 from tests.hw_support import blank_frame, certificate, joined, perfect_driver, swing
 
 
-def envelope(kind: str, body: object, protocol: object = PROTOCOL_VERSION) -> bytes:
-    data = msgpack.packb({"protocol": protocol, "type": kind, "body": body})
-    assert data is not None
-    return data
+def envelope(kind: str, body: object, protocol: int = PROTOCOL_VERSION) -> bytes:
+    packed = msgpack.packb(body)
+    assert packed is not None
+    return seal(kind, packed, protocol)
 
 
 def trajectory_body() -> dict:
     motion = swing(0.1)
-    return msgpack.unpackb(encode(TrajectoryRequest.of(motion, certificate(motion))))["body"]
+    return msgpack.unpackb(encode(TrajectoryRequest.of(motion, certificate(motion), "a run")))["body"]
 
 
 def test_a_trajectory_arrives_bit_for_bit():
     q = np.array(REST_Q) + np.array([[0.0], [0.1], [0.0]])
     motion = joined(q, [GripperCommand("grasp", 0.04, 30.0), GripperCommand("move", 0.08)], held=(None, "red_cube"))
     sent = certificate(motion)
-    received = decode(encode(TrajectoryRequest.of(motion, sent)), TrajectoryRequest)
+    received = decode(encode(TrajectoryRequest.of(motion, sent, "a run")), TrajectoryRequest)
     assert received.trajectory().content_hash() == motion.content_hash()
     assert received.trajectory().gripper == motion.gripper
     assert received.certificate_or_none() == sent
@@ -38,7 +40,7 @@ def test_a_trajectory_arrives_bit_for_bit():
 @pytest.mark.parametrize("speed", [None, 0.3, 1.0])
 def test_a_trajectory_arrives_with_the_speed_to_play_it_at(speed: float | None):
     motion = swing(0.1)
-    request = TrajectoryRequest.of(motion, certificate(motion), speed)
+    request = TrajectoryRequest.of(motion, certificate(motion), "a run", speed)
     assert decode(encode(request), TrajectoryRequest).speed == speed
 
 
@@ -71,17 +73,47 @@ def test_a_malformed_request_for_a_speed_is_refused_by_field(body: dict, field: 
     assert caught.value.field == field
 
 
-def test_random_bytes_in_place_of_any_part_of_a_speed_request_are_refused_or_another_speed():
+def test_every_flipped_bit_of_a_request_is_noticed():
+    data = encode(SpeedRequest(speed=0.5))
+    for bit in range(8 * len(data)):
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(MessageError):
+            decode(bytes(changed), SpeedRequest)
+
+
+def test_flipped_bits_of_a_trajectory_are_told_as_a_change_on_the_way():
+    motion = swing(0.1)
+    data = encode(TrajectoryRequest.of(motion, certificate(motion), "a run"))
+    rng = np.random.default_rng(0)
+    for bit in rng.integers(8 * 1000, 8 * len(data), 200):  # behind the first kilobyte there is nothing but the body
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << int(bit) % 8
+        with pytest.raises(MessageError, match=r"'crc': .*changed on the way"):
+            decode(bytes(changed), TrajectoryRequest)
+
+
+def test_random_bytes_in_place_of_any_part_of_a_message_are_refused():
     data = encode(SpeedRequest(speed=0.5))
     rng = np.random.default_rng(0)
     for _ in range(300):
         changed = bytearray(data)
         changed[rng.integers(len(data))] = rng.integers(256)
-        try:
-            speed = decode(bytes(changed), SpeedRequest).speed
-        except MessageError:
-            continue
-        assert isinstance(speed, float) and np.isfinite(speed)
+        if bytes(changed) != data:
+            with pytest.raises(MessageError):
+                decode(bytes(changed), SpeedRequest)
+
+
+def test_a_message_is_plain_msgpack_with_its_check_sum():
+    data = msgpack.unpackb(encode(StopRequest(reason="operator")))
+    packed = msgpack.packb({"reason": "operator"})
+    assert packed is not None
+    assert data == {
+        "protocol": PROTOCOL_VERSION,
+        "type": "stop_request",
+        "crc": zlib.crc32(b"stop_request" + packed),
+        "body": {"reason": "operator"},
+    }
 
 
 def test_a_frame_arrives_unchanged_with_its_unknown_depth():
@@ -102,7 +134,7 @@ def test_a_state_arrives_unchanged():
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), envelope("stop_request", {})[:-1]]
+    "data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), b"\x80", b"\x84\xa1a\x01", b"\x81\xa8protocol\x03"]
 )
 def test_bytes_that_are_no_message_are_refused(data: bytes):
     with pytest.raises(MessageError, match="message field 'message'"):
@@ -117,8 +149,12 @@ def test_every_truncation_of_a_message_is_refused():
 
 
 def test_another_protocol_version_is_named_with_what_to_do():
-    with pytest.raises(MessageError, match=r"'protocol': version 1 .*speaks version 2.*same release"):
-        decode(envelope("stop_request", {"reason": ""}, protocol=1), StopRequest)
+    with pytest.raises(MessageError, match=r"'protocol': version 4 .*speaks version 3.*same release"):
+        decode(envelope("stop_request", {"reason": ""}, protocol=4), StopRequest)
+    older = msgpack.packb({"protocol": 2, "type": "stop_request", "body": {"reason": ""}})
+    assert older is not None
+    with pytest.raises(MessageError, match=r"'protocol': version 2 .*speaks version 3"):
+        decode(older, StopRequest)
 
 
 def test_a_message_of_another_type_is_refused():

@@ -15,7 +15,8 @@ import pytest
 from control.errors import ConfigError, RefusedError, RobotGoneError, StoppedError
 from hw_interface import transport
 from hw_interface.client import CellClient, Progress
-from hw_interface.messages import Refusal, RobotState, StateRequest
+from hw_interface.messages import Accepted, Refusal, RobotState, StateRequest
+from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.wire import decode, encode
 from tests.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process, until
@@ -207,6 +208,18 @@ def test_a_restarted_robot_is_not_taken_for_the_old_one():
                 until(lambda: client.state() is None, 10.0)
         finally:
             client.close()
+
+
+def test_a_motion_meant_for_an_earlier_run_of_the_robot_is_refused(robot: SimProcess, client: CellClient):
+    motion = from_here(client, 0.6, 0.05)
+    late = TrajectoryRequest.of(motion, certificate(motion), epoch="of yesterday")
+    session = transport.open_client_session(robot.endpoint)
+    try:
+        with pytest.raises(RefusedError, match=r"meant for run 'of yesterday' .*this is run .*connect again") as caught:
+            transport.ask(session, transport.TRAJECTORY_KEY, late, Accepted, 5.0)
+    finally:
+        session.close()
+    assert caught.value.code == "wrong_epoch" and client.state().mode == "idle"
 
 
 def test_a_port_in_use_is_named_with_what_to_do(robot: SimProcess):

@@ -6,7 +6,9 @@ from replan.commands.perceive import Perceive
 from replan.commands.record import Record
 from replan.commands.robot import Robot
 from replan.commands.ros2 import Ros2
+from replan.commands.router import Router
 from replan.commands.run import Run
+from replan.commands.security import Security
 from replan.commands.validate import Validate
 
 COMMANDS = {
@@ -16,6 +18,8 @@ COMMANDS = {
     "record": Record,
     "robot": Robot,
     "ros2": Ros2,
+    "router": Router,
+    "security": Security,
     "doctor": Doctor,
     "bench": Bench,
 }

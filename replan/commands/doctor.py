@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -23,6 +24,8 @@ class Doctor:
 
     robot: str = DEFAULT_ENDPOINT
     """Endpoint to look for a robot at."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints; it is examined too (docs/security.md)."""
     detector: str = "default"
     """Also look at these detector weights: local folder or hub name."""
     segmenter: str = "default"
@@ -43,6 +46,6 @@ class Doctor:
 
         url = self.reasoner_url
         server = None if url is None else (url, self.reasoner_model, self.reasoner_key_variable)
-        findings = examine(self.robot, self.detector, self.segmenter, server)
+        findings = examine(self.robot, self.detector, self.segmenter, server, self.link)
         console.result(findings.as_json(), render(findings))
         return 0 if findings.can_simulate else 1

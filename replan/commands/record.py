@@ -23,7 +23,10 @@ class Record:
     out: tyro.conf.Positional[Path]
     """File to write, ending in .mcap."""
     robot: str | None = None
-    """Endpoint of a running robot process, for instance tcp/127.0.0.1:7447. Default: start a simulated cell."""
+    """Endpoint of a running robot process or router, for instance tcp/127.0.0.1:7447, or tls/HOST:PORT with --link.
+    Default: start a simulated cell."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     cell: str = "cubes"
     """Built-in cell or a cell file (YAML); with --robot it says which cameras stand still."""
     option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
@@ -56,6 +59,7 @@ class Record:
             RecordOptions(
                 out=self.out,
                 robot=self.robot,
+                link=self.link,
                 cell=self.cell,
                 cell_options=tuple(self.option),
                 seed=self.seed,

@@ -28,7 +28,11 @@ class RobotSim:
     seed: int = 0
     """Seed of the placement of objects and of all noise."""
     endpoint: str = DEFAULT_ENDPOINT
-    """Where to listen; loopback only by default."""
+    """Where to listen: tcp/ within this machine, or tls/HOST:PORT with --link."""
+    connect: str | None = None
+    """Join the router at this endpoint (`replan router`) instead of listening."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     speed: float = 1.0
     """Pace in times real time while moving; 0 is as fast as it goes."""
     score: bool = False
@@ -50,15 +54,18 @@ class RobotAcknowledge:
     """Say, after a stop or reflex, that you looked at the cell and that the robot may move again."""
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process."""
+    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
         """Send the acknowledgement."""
         from hw_interface.client import CellClient
+        from hw_interface.link_security import link_or_none
 
-        with CellClient.connect(self.robot) as client:
+        with CellClient.connect(self.robot, security=link_or_none(self.link)) as client:
             before = client.state()
             client.acknowledge()
             after = client.state()
@@ -83,7 +90,9 @@ class RobotPlay:
     certificate: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CERTIFICATE")]
     """Its certificate (JSON)."""
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process."""
+    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     motion_speed: float | None = None
     """Share of the certified speed to play it at, above 0 and at most 1; slower on exactly the same path. Stays set on
     the robot. Default: as the robot is set."""
@@ -95,11 +104,13 @@ class RobotPlay:
         from control.certificate_file import read_certificate
         from control.motion_file import read_motion
         from control.resampling import to_trajectory
+        from hw_interface.link_security import link_or_none
         from replan.play import play
 
         certificate = read_certificate(self.certificate)
         trajectory = to_trajectory(read_motion(self.trajectory))
-        report = play(trajectory, certificate, self.robot, console.note, self.motion_speed)
+        security = link_or_none(self.link)
+        report = play(trajectory, certificate, self.robot, console.note, self.motion_speed, security)
         console.result(report.as_json(), report.as_text())
         return 0
 
@@ -115,15 +126,18 @@ class RobotSpeed:
     speed: Annotated[tyro.conf.Positional[float], tyro.conf.arg(metavar="SHARE")]
     """Share of the certified speed, above 0 and at most 1, for instance 0.3."""
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process."""
+    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
         """Send the speed."""
         from hw_interface.client import CellClient
+        from hw_interface.link_security import link_or_none
 
-        with CellClient.connect(self.robot) as client:
+        with CellClient.connect(self.robot, security=link_or_none(self.link)) as client:
             state = client.set_speed(self.speed)
         now = f"at speed {state.speed:.2g} now" if state.mode == "moving" else f"'{state.mode}'"
         console.result(

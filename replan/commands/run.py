@@ -30,7 +30,10 @@ class Run:
     option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
     """Switch of the cell to turn on, for instance lemon_in_bowl; may be repeated."""
     robot: str | None = None
-    """Endpoint of a running robot process, for instance tcp/127.0.0.1:7447. Default: start a simulated cell."""
+    """Endpoint of a running robot process or router, for instance tcp/127.0.0.1:7447, or tls/HOST:PORT with --link.
+    Default: start a simulated cell."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     seed: int = 0
     """Seed of planning, and of the simulated cell's placement when one is started."""
     speed: float = 1.0
@@ -72,6 +75,7 @@ class Run:
                 cell=self.cell,
                 cell_options=tuple(self.option),
                 robot=self.robot,
+                link=self.link,
                 seed=self.seed,
                 speed=self.speed,
                 motion_speed=self.motion_speed,
