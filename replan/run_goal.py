@@ -216,7 +216,7 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             episode.log("parts", reasoner=answered_by, perception=perception.name)
             client: CellClient = stack.enter_context(CellClient.connect(endpoint(), security=security))
             if options.mcap:
-                say = _recorded(episode, client, cell, say, stack)
+                say = _recorded(episode, client, cell, security, say, stack)
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
@@ -275,12 +275,12 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
 
 
 def _recorded(
-    episode, client: "CellClient", cell, say: Callable[[str], None], stack: ExitStack
+    episode, client: "CellClient", cell, security: "LinkSecurity | None", say: Callable[[str], None], stack: ExitStack
 ) -> Callable[[str], None]:
     """Record the run from here on, until `stack` ends; `say` with each line recorded as well."""
     from replan.run_recording import FILE_NAME, RunRecording
 
-    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say)
+    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, security, say)
     stack.callback(recording.close)
     episode.on_event, client.on_frame = recording.event, recording.frame
     return recording.telling(say)

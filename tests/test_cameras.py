@@ -11,6 +11,7 @@ import pytest
 
 from control.errors import ConfigError, RefusedError
 from hw_interface.cameras.node import CameraNode
+from hw_interface.cameras.offers import offered_cameras
 from hw_interface.client import CellClient
 from hw_interface.errors import CameraGoneError
 from hw_interface.process import SimProcess
@@ -32,6 +33,8 @@ def camera_process(endpoint: str, owner: str, *cameras: str) -> Iterator["subpro
     assert process.stdin is not None and process.stdout is not None
     try:
         assert process.stdout.readline() == "ready\n"
+        with CellClient.connect(endpoint) as client:  # tokens take a moment to get around
+            assert until(lambda: set(cameras) <= set(client.cameras()))
         yield process
     finally:
         if process.poll() is None:
@@ -62,9 +65,11 @@ def test_a_camera_that_two_processes_offer_is_an_error_that_names_both(robot: Si
                 CameraNode(session, ("front",), blank_frame, "other")
             # Both began at once, and neither saw the other.
             token = session.liveliness().declare_token("cell/camera/wrist/other")
+            assert until(lambda: offered_cameras(session, 1.0) == {"wrist": ["bench", "other"]})
             with pytest.raises(ConfigError, match="camera process bench and by camera process other; end one"):
                 client.frames(["wrist"])
             token.undeclare()
+            assert until(lambda: offered_cameras(session, 1.0) == {"wrist": ["bench"]})
         finally:
             session.close()
         assert [f.camera for f in client.frames(["wrist"])] == ["wrist"]
