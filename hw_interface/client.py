@@ -108,7 +108,13 @@ class ExecutionReport:
 
 
 class CellClient:
-    """Connection to one cell. Make it with `connect`; use it as a context manager or call `close`."""
+    """Connection to one cell. Make it with `connect`; use it as a context manager or call `close`.
+
+    Attributes:
+        endpoint: Where the cell is.
+        info: What it offers.
+        on_frame: Called with each picture that was asked for and came, for records; None for nobody.
+    """
 
     def __init__(
         self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float, role: Role | None = None
@@ -124,6 +130,7 @@ class CellClient:
         self._operator: Operator | None = None  # from the first motion on
         self.endpoint = endpoint
         self.info = info
+        self.on_frame: Callable[[RgbdFrame], None] | None = None
         self._subscribers = (
             session.declare_subscriber(STATE_KEY, self._on_state),
             session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True),
@@ -223,6 +230,8 @@ class CellClient:
                 f"the picture of camera '{name}' is {age:.2f} s old; at most {max_age:g} s are allowed; see whether "
                 "its process keeps up and its clock is right (replan doctor)",
             )
+        if self.on_frame is not None:
+            self.on_frame(frame)
         return frame
 
     def _robot_time(self) -> float:

@@ -124,7 +124,9 @@ class Operator:
         self.close()
 
     def close(self) -> None:
-        """Give the robot back."""
+        """Give the robot back; closing it again does nothing."""
+        if self._ended.is_set():
+            return
         self._ended.set()
         self._thread.join(1.0)
         self._token.undeclare()

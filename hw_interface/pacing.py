@@ -104,7 +104,7 @@ def serve_robot(
         RobotGoneError: There is no router to join.
     """
     with leash.signals():
-        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect)
+        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth, security=security, connect=connect)
         try:
             announce(node, driver)
             run_loop(driver, node, leash, speed)

@@ -8,7 +8,7 @@ import dataclasses
 import datetime
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,10 @@ class Episode:
     Args:
         folder: Made when absent; must be empty or new.
 
+    Attributes:
+        folder: The folder.
+        on_event: Called with each event's name and fields, for other records; None for nobody.
+
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
@@ -62,6 +66,7 @@ class Episode:
         except OSError as error:
             raise ConfigError(f"cannot write the run's folder {folder}: {error.strerror}; choose --runs-dir") from error
         self.folder = folder
+        self.on_event: Callable[[str, dict[str, Any]], None] | None = None
         self._start = time.monotonic()
         self._logger = structlog.wrap_logger(
             structlog.WriteLogger(self._file), processors=[structlog.processors.JSONRenderer(sort_keys=False)]
@@ -85,6 +90,8 @@ class Episode:
         stamps = {"time": round(time.monotonic() - self._start, 3), "wall": round(time.time(), 3)}
         self._logger.msg(event, **stamps, **fields)
         self._file.flush()
+        if self.on_event is not None:
+            self.on_event(event, fields)
 
     def numbered(self, stem: str, suffix: str) -> Path:
         """A new path in the folder: stem_001.suffix, stem_002.suffix, ..."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from control.certificate import Verdict
 from control.certify import issue_certificate, limits_hash
-from control.errors import RefusedError, RetimingError, StackError, StoppedError
+from control.errors import ConfigError, RefusedError, RetimingError, StackError, StoppedError
 from control.failure import FailureCause
 from control.kinematics import ArmKinematics
 from control.limits import REST_Q, RobotLimits
@@ -21,6 +21,7 @@ from control.several_terms import after as after_plan
 from control.trajectory import SAMPLE_TIME, Trajectory
 from control.trajectory_file import write_trajectory
 from control.twin_model import TwinModel
+from hw_interface.errors import CameraGoneError
 from perception.estimates import SceneEstimate
 from planning.baselines.rehearsal import Rehearsal
 from planning.interfaces import AttemptResult
@@ -346,7 +347,13 @@ class TwinCheckedHands:
         wanted = int(seconds * FILM_RATE)
         if wanted != self._last_filmed:
             self._last_filmed = wanted
-            (frame,) = self._client.frames(self._client.cameras()[:1])
+            try:
+                (frame,) = self._client.frames(self._client.cameras()[:1])
+            except (CameraGoneError, ConfigError, RefusedError) as error:
+                # A film is no reason to stop the arm; whether cameras work is found out when it looks again.
+                self._filming = False
+                self._say(f"the rest is not filmed: {error}")
+                return
             self._film.frames.append((f"camera '{frame.camera}', {seconds:4.1f} s", np.array(frame.colour)))
 
     def _failed(self, cause: FailureCause) -> AttemptResult:

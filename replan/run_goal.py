@@ -44,6 +44,7 @@ class RunOptions:
     reasoner: ReasonerOptions = field(default_factory=ReasonerOptions)
     runs_dir: Path = Path("runs")
     video: bool = True
+    mcap: bool = False
     strip: bool = True
     acknowledge: bool = False
     score: bool = False  # a started simulated cell also answers scorers (benchmarks only)
@@ -214,6 +215,8 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             answered_by = reasoner_names(reasoner, by_role)
             episode.log("parts", reasoner=answered_by, perception=perception.name)
             client: CellClient = stack.enter_context(CellClient.connect(endpoint(), security=security))
+            if options.mcap:
+                say = _recorded(episode, client, cell, say, stack)
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
@@ -269,6 +272,18 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
         )
         episode.log("result", report=report)
     return report
+
+
+def _recorded(
+    episode, client: "CellClient", cell, say: Callable[[str], None], stack: ExitStack
+) -> Callable[[str], None]:
+    """Record the run from here on, until `stack` ends; `say` with each line recorded as well."""
+    from replan.run_recording import FILE_NAME, RunRecording
+
+    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say)
+    stack.callback(recording.close)
+    episode.on_event, client.on_frame = recording.event, recording.frame
+    return recording.telling(say)
 
 
 def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, profile: str, firmware: str) -> None:

@@ -45,7 +45,7 @@ def along(joint: int, angle: float) -> np.ndarray:
     return delta
 
 
-def play(robot: Any, samples: np.ndarray, at: Callable[[int], None] = lambda _k: None) -> None:
+def play(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lambda _k: None) -> None:
     """Play samples as a driver does: the one that belongs to the elapsed time.
 
     Args:
@@ -74,7 +74,7 @@ def desired(robot: Any) -> np.ndarray:
     return np.array(robot.read_once().q_d)
 
 
-def abort_of(robot: Any, samples: np.ndarray, at: Callable[[int], None] = lambda _k: None) -> str:
+def abort_of(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lambda _k: None) -> str:
     """Play samples that must not reach their end; returns what the client says."""
     try:
         play(robot, samples, at)

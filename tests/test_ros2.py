@@ -220,7 +220,7 @@ def test_pictures_have_their_lens_and_depth_in_metres():
 
 
 def test_what_happened_is_a_line_of_the_log():
-    message = a_view().event(STAMP, "warn", "the hand closed on nothing")
+    message = a_view().event(STAMP, "warn", "replan", "the hand closed on nothing")
     for decoded in (decode_ros2(message.kind, message.data), decode_again(message.kind, message.data)):
         assert (decoded.level, decoded.name, decoded.msg) == (30, "replan", "the hand closed on nothing")
 

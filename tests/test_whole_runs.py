@@ -9,10 +9,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from control.motion_file import read_motion
 from control.resampling import to_trajectory
+from perception.recordings import open_recording
 
 pytestmark = pytest.mark.timeout(240)
 
@@ -68,7 +70,7 @@ def child_of(pid):
 
 
 def test_a_typed_goal_moves_the_cube_and_leaves_its_evidence(tmp_path):
-    code, result, _ = finish(start(tmp_path, "place the red cube on the crate", "cubes"))
+    code, result, _ = finish(start(tmp_path, "place the red cube on the crate", "cubes", "--mcap"))
     assert (code, result["reached"]) == (0, True), result
     folder = only_run(tmp_path)
     kinds = {e["event"] for e in events(folder)}
@@ -76,6 +78,13 @@ def test_a_typed_goal_moves_the_cube_and_leaves_its_evidence(tmp_path):
     assert (folder / "strip.png").stat().st_size > 10_000
     assert (folder / "run.mp4").stat().st_size > 10_000
     assert list(folder.glob("look_*.png"))
+    # Two cameras, before and after the motion at least, placed in the recording as when they took the pictures.
+    recorded = list(open_recording(folder / "run.mcap"))
+    assert len({f.camera for f in recorded}) == 2 and len(recorded) >= 4
+    seen = [f for path in sorted(folder.glob("look_*.npz")) for f in open_recording(path)]
+    for frame in seen:
+        nearest = min(recorded, key=lambda f: (f.camera != frame.camera, abs(f.stamp - frame.stamp)))
+        np.testing.assert_allclose(nearest.world_T_camera, frame.world_T_camera, atol=1e-3)
     # What was sent is kept whole: it is what the certificate was issued for.
     certified = [e["certificate"]["trajectory_hash"] for e in events(folder) if e["event"] == "certificate"]
     kept = [to_trajectory(read_motion(file)).content_hash() for file in sorted(folder.glob("trajectory_*.npz"))]

@@ -30,13 +30,12 @@ from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.panda.cleared_motion import ClearedMotion
 from hw_interface.panda.hand import Hand
 from hw_interface.panda.link import BeginPart, LoadMotion, MotionLoaded, PartEnded, Recover, Recovered
-from hw_interface.panda.player_process import PlayerProcess
+from hw_interface.panda.player_process import CONNECT_TIMEOUT, PlayerProcess
 from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)
 LOAD_TIMEOUT = 5.0  # [s]
 RECOVER_TIMEOUT = 10.0  # [s]; brakes may have to open
-REST_TIMEOUT = 2.0  # [s] that an arm may take to rest after its player was ended
 SUPERVISOR = "supervisor"  # who asks the player
 IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # libfranka.RobotMode
 Phase = Literal["resting", "playing", "gripping"]
@@ -65,17 +64,22 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
     ) -> None:
         self._start_player, self._hand = start_player, hand
         self._player = start_player()
-        self._read_up_to = 0
-        self._robot_mode = IDLE
-        self._ever_measured = False
-        rows = self._first_rows()
-        super().__init__(gate, cell, self._as_measured(rows[-1]), rows[-1]["q_d"], supervision, clock)
+        self._connecting = False
+        self._not_connected = ""  # why the control box is not there
+        try:
+            self._player.connected(CONNECT_TIMEOUT)
+        except BaseException:
+            self._player.close()
+            raise
+        row = self._latest_row()
+        super().__init__(gate, cell, self._as_measured(row), row["q_d"], supervision, clock)
         self._phase: Phase = "resting"
         self._posted = 0  # sequence number of the last clearance
         self._gripped_at = 0  # measurement at which the present gripper command was given
         self._motions = 0
         self._thinker = ThreadPoolExecutor(1, "change of speed")
-        self._robot_mode = int(rows[-1]["mode"])
+        self._robot_mode = IDLE  # as if it had been: a box that is not makes the first tick say why
+        self._read_up_to -= 1
 
     @property
     def robot_mode(self) -> int:
@@ -106,23 +110,22 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         """
         if self._motion is not None:
             super().acknowledge()
+        self._look()  # something may have gone since the last tick
+        if not self._connecting and not self._player.running:
+            why = self._not_connected or "the process that talks to the control box had ended"
+            self._connect_again()
+            raise RefusedError("not_ready", f"{why}; connecting again now: acknowledge again in some seconds")
+        if self._connecting:
+            raise RefusedError("not_ready", "the control box is being connected to; acknowledge again in some seconds")
+        if (fault := self._hand.read().fault) is not None:
+            self._hand.restart()
+            raise RefusedError("not_ready", f"{fault}; connecting to it anew: acknowledge again in some seconds")
         try:
-            if not self._player.running:
-                self._player.close()
-                self._player = self._start_player()
-                self._read_up_to = 0
-                rows = self._first_rows()
-                self._measured, self._q_d = self._as_measured(rows[-1]), rows[-1]["q_d"].copy()
-                self._robot_mode = int(rows[-1]["mode"])
             answer = self._player.ask(Recover(), Recovered, RECOVER_TIMEOUT)
-            if isinstance(answer, Refusal):
-                raise RefusedError(answer.code, answer.reason)
-            if self._hand.read().fault is not None:
-                self._hand.restart()
-        except RefusedError:
-            raise
         except StackError as error:
             raise RefusedError("not_ready", str(error)) from error
+        if isinstance(answer, Refusal):
+            raise RefusedError(answer.code, answer.reason)
         # Only what is measured from now on counts.
         self._read_up_to, self._robot_mode = self._player.board.written, IDLE
         super().acknowledge()
@@ -135,15 +138,28 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
 
     # --- looking ------------------------------------------------------------------------------------------------
 
-    def _first_rows(self) -> np.ndarray:
-        until = time.monotonic() + LOAD_TIMEOUT
-        while not len(rows := self._player.board.measurements(0)):
-            if time.monotonic() > until:
-                self._player.close()
-                raise RefusedError("not_ready", "the control box sends no states")
-            time.sleep(0.005)
-        self._read_up_to = int(rows[-1]["number"])
-        return rows
+    def _latest_row(self) -> np.ndarray:
+        self._read_up_to = self._player.board.written
+        return self._player.board.measurements(self._read_up_to - 1)[-1]
+
+    def _connect_again(self) -> None:
+        """Start a new player; nothing moves by that, and the robot stays latched."""
+        self._player.close()
+        self._player, self._connecting, self._not_connected = self._start_player(), True, ""
+
+    def _go_on_connecting(self) -> None:
+        try:
+            if not self._player.connected():
+                return
+        except StackError as error:
+            LOG.error("%s", error)
+            self._not_connected = str(error)
+            self._player.kill()
+        else:
+            row = self._latest_row()
+            self._measured, self._q_d = self._as_measured(row), row["q_d"].copy()
+            self._robot_mode = int(row["mode"])
+        self._connecting = False
 
     def _as_measured(self, row: np.ndarray) -> Measured:
         hand = self._hand.read()
@@ -152,6 +168,9 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
     def _look(self) -> Trouble | None:
         """Take in what was measured since the last tick; why to stop, or None."""
         trouble: Trouble | None = None
+        if self._connecting:
+            self._go_on_connecting()
+            return None
         for row in self._player.board.measurements(self._read_up_to):
             self._read_up_to = int(row["number"])
             trouble = self._take_in(row) or trouble
@@ -194,26 +213,27 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
 
     def _lost_player(self) -> Trouble | None:
         player = self._player
+        if self._not_connected:
+            return None  # said already
         if not player.running:
-            if self._trouble is not None and self._motion is None:
-                return None
-            self._phase = "resting"
-            return Trouble(
+            trouble = Trouble(
                 code="driver_gone",
-                reason="the process that talks to the control box has ended; the box brings the arm to rest by itself. "
-                "Look at the cell, then acknowledge: that starts it again",
+                reason="the process that talks to the control box has ended, so the box brought the arm to rest by "
+                "itself; look at the cell, then acknowledge",
             )
-        silent = player.silent(self._phase == "playing")
-        if silent is None:
+        elif (silent := player.silent(self._phase == "playing")) is not None:
+            player.kill()
+            trouble = Trouble(
+                code="driver_hung",
+                reason=f"the process that talks to the control box stood still for {silent:.1f} s (the box is silent, "
+                "or the process hangs) and was ended, so the box brought the arm to rest by itself; look at the cell, "
+                "then acknowledge",
+            )
+        else:
             return None
-        player.kill()
         self._phase = "resting"
-        return Trouble(
-            code="driver_hung",
-            reason=f"the process that talks to the control box stood still for {silent:.1f} s (the box is silent, or "
-            "the process hangs) and was ended; the box brings the arm to rest by itself. Look at the cell, then "
-            "acknowledge: that starts it again",
-        )
+        self._connect_again()
+        return trouble
 
     def _hand_fault(self) -> Trouble | None:
         fault = self._hand.read().fault
@@ -226,7 +246,7 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
     # --- going on -----------------------------------------------------------------------------------------------
 
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> ClearedMotion:
-        if self._robot_mode != IDLE:
+        if self._connecting or self._not_connected or self._robot_mode != IDLE:
             raise RefusedError("not_ready", "the control box is not ready for a motion; see Desk, then acknowledge")
         self._motions += 1
         motion = ClearedMotion(

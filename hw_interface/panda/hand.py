@@ -35,11 +35,7 @@ class Hand(Protocol):
         ...
 
     def restart(self) -> None:
-        """Connect anew after a fault, when a person acknowledged.
-
-        Raises:
-            MachineError: It does not answer.
-        """
+        """Begin to connect anew after a fault, when a person acknowledged; never waits."""
         ...
 
     def close(self) -> None:

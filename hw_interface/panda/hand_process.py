@@ -22,7 +22,7 @@ from hw_interface.wire import Message
 CONNECT_TIMEOUT = 15.0  # [s]
 SILENT = 1.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
 TURN = 0.005  # [s]
-_STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8"), ("faulty", "<u8")])
+_STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8")])
 
 
 class HandReady(Message):
@@ -64,8 +64,12 @@ class HandProcess:
 
     def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._command, self._clock = tuple(command), clock
-        self._number = 0
         self._start()
+        while not self._ready and self._fault is None:
+            self._hear(0.1)
+        if self._fault is not None:
+            self.close()
+            raise MachineError(f"the gripper is not ready: {self._fault}")
 
     def _start(self) -> None:
         ours, theirs = Pipe()
@@ -83,21 +87,31 @@ class HandProcess:
         )
         theirs.close()
         self.pid = self._process.pid
-        self._turns = (0, self._clock())
+        self._ready, self._give_up = False, self._clock() + CONNECT_TIMEOUT
+
+    def _hear(self, wait: float) -> None:
+        """Take in what the process says, waiting up to `wait` seconds for it."""
         try:
-            answer = self._link.receive(CONNECT_TIMEOUT)
+            message = self._link.receive(wait)
         except (EOFError, OSError):
-            answer = None
-        if not isinstance(answer, HandReady):
-            self.close()
-            why = answer.reason if isinstance(answer, Refusal) else f"no answer within {CONNECT_TIMEOUT:g} s"
-            raise MachineError(f"the gripper is not ready: {why}")
-        self._turns = (0, self._clock())
+            self._fault = self._fault or "the gripper's process has ended"
+            return
+        except MessageError as error:
+            self._fault = str(error)
+            return
+        if isinstance(message, HandReady):
+            self._ready, self._turns = True, (0, self._clock())
+        elif isinstance(message, HandFault | Refusal):
+            self._fault = message.reason
+        elif not self._ready and self._clock() > self._give_up:
+            self._fault = f"the gripper does not answer within {CONNECT_TIMEOUT:g} s"
 
     def read(self) -> HandReading:
         """How it stands, as known now."""
         state = self._state
         busy = int(state["done"][0]) < self._number
+        if self._fault is None:
+            self._hear(0.0)
         fault = self._fault or self._new_fault()
         return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault)
 
@@ -113,7 +127,7 @@ class HandProcess:
             self._fault = "the gripper's process has ended"
 
     def restart(self) -> None:
-        """End the process and start it again."""
+        """End the process and start it again; until it is connected, `read` tells of a fault."""
         self.close()
         self._start()
 
@@ -128,6 +142,8 @@ class HandProcess:
         os.close(self._descriptor)
 
     def _new_fault(self) -> str | None:
+        if not self._ready:
+            return "the gripper is being connected to"
         now, turns = self._clock(), int(self._state["alive"][0])
         if turns != self._turns[0]:
             self._turns = (turns, now)
@@ -135,12 +151,6 @@ class HandProcess:
             self._fault = "the gripper's process has ended"
         elif now - self._turns[1] > SILENT:
             self._fault = f"the gripper has not answered for {now - self._turns[1]:.1f} s"
-        elif self._state["faulty"][0]:
-            try:
-                message = self._link.receive()
-            except (EOFError, OSError, MessageError):
-                message = None
-            self._fault = message.reason if isinstance(message, HandFault) else "the gripper reports a fault"
         return self._fault
 
 
@@ -180,7 +190,6 @@ def serve_hand(connect: Callable[[], Hand], link: Link, descriptor: int, gone: C
             if fault is not None and not told:
                 told = True
                 link.send(HandFault(reason=fault[:2000]))
-                state["faulty"] = 1
         except (EOFError, OSError):
             break
     hand.close()

@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Pipe
 
 from control.errors import MachineError, RobotGoneError
@@ -20,16 +20,14 @@ STILL_MOVING, STILL_RESTING = 0.3, 3.0  # [s] without a turn of the player's loo
 class PlayerProcess:
     """A running player. Its pipe and memory are inherited by descriptor, so no other process can pose as it.
 
+    It connects to the control box by itself; `connected` tells when it has.
+
     Args:
         command: Program and arguments; `--link-fd N --board-fd N` are added.
         clock: Monotonic clock in [s].
-
-    Raises:
-        MachineError: The player says why it cannot work with the control box.
-        RobotGoneError: The control box takes connections and is silent, or the player died; it has been ended.
     """
 
-    def __init__(self, command: Sequence[str], clock=time.monotonic) -> None:
+    def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         ours, theirs = Pipe()
         self.board = Board.create()
@@ -42,30 +40,46 @@ class PlayerProcess:
         theirs.close()
         self.pid = self._process.pid
         self._turns = (0, clock())
-        try:
-            self.ready = self._await_ready()
-        except BaseException:
-            self.close()
-            raise
+        self._give_up = clock() + CONNECT_TIMEOUT
+        self._ready = False
 
-    def _await_ready(self) -> PlayerReady:
-        until = self._clock() + CONNECT_TIMEOUT
-        while (left := until - self._clock()) > 0.0:
-            try:
-                message = self.link.receive(min(left, 0.2))
-            except (EOFError, OSError):
+    def connected(self, wait: float = 0.0) -> bool:
+        """Whether the control box has answered and measurements come.
+
+        Args:
+            wait: Longest wait for that in [s].
+
+        Raises:
+            MachineError: The player says why it cannot work with the control box.
+            RobotGoneError: The control box takes connections and is silent, or the player died.
+        """
+        until = self._clock() + wait
+        while True:
+            left = max(0.0, until - self._clock())
+            if self._ready:
+                time.sleep(min(left, 0.002))
+            else:
+                self._hear(left)
+            if self._ready and self.board.written > 0:
+                self._turns = (self.board.alive, self._clock())
+                return True
+            if self._clock() >= self._give_up:
                 raise RobotGoneError(
-                    f"the player ended before the control box was ready (exit code {self._process.wait(5.0)}); its "
-                    "last words stand above"
-                ) from None
-            if isinstance(message, PlayerReady):
-                return message
-            if isinstance(message, Refusal):
-                raise MachineError(message.reason)
-        raise RobotGoneError(
-            f"the control box took the connection and was silent for {CONNECT_TIMEOUT:g} s; see that FCI is active in "
-            "Desk and no other program holds it, then start again"
-        )
+                    f"the control box took the connection and was silent for {CONNECT_TIMEOUT:g} s; see that FCI is "
+                    "active in Desk and that no other program holds it"
+                )
+            if left <= 0.0:
+                return False
+
+    def _hear(self, wait: float) -> None:
+        try:
+            message = self.link.receive(wait)
+        except (EOFError, OSError):
+            code = self._process.wait(5.0)
+            raise RobotGoneError(f"the player ended before the control box was ready (exit code {code})") from None
+        if isinstance(message, Refusal):
+            raise MachineError(message.reason)
+        self._ready = isinstance(message, PlayerReady)
 
     @property
     def running(self) -> bool:

@@ -1,5 +1,7 @@
 """One TCP service with at most one client, and the datagrams that go with it."""
 
+import os
+import select
 import selectors
 import socket
 import struct
@@ -58,6 +60,7 @@ class Service:
         self.on_leave: Callable[[], None] = lambda: None
         self._listener: socket.socket | None = None
         self._client: socket.socket | None = None
+        self._host = ""
         self._peer: tuple[str, int] | None = None
         self._buffer = b""
         self._mute: list[socket.socket] = []  # connections taken while silent
@@ -83,8 +86,8 @@ class Service:
             self._listener = socket.create_server((self._address, self._port), backlog=4)
         except OSError as error:
             raise MachineError(
-                f"cannot listen at {self._address}:{self._port}: {error.strerror or error}; another simulated control "
-                "box may be running there: end it, or choose another address (--address 127.0.0.2)"
+                f"cannot listen at {self._address}:{self._port}: {os.strerror(error.errno or 0)}; another simulated "
+                "control box may be running there: end it, or choose another address (--address 127.0.0.2)"
             ) from error
         self._listener.setblocking(False)
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
@@ -160,6 +163,9 @@ class Service:
         if self.silent:
             self._mute.append(connection)
             return
+        # Of a client that has left already, what it sent last is still to be read.
+        while self._client is not None and select.select([self._client], [], [], 0.0)[0]:
+            self._read()
         if self._client is not None:
             self._say(f"{self._name}: refused {peer[0]}: one client at a time")
             connection.close()
@@ -167,7 +173,7 @@ class Service:
         self._say(f"{self._name}: client {peer[0]}:{peer[1]}")
         connection.settimeout(SEND_TIMEOUT)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._client = connection
+        self._client, self._host = connection, str(peer[0])
         self._selector.register(connection, selectors.EVENT_READ, self._read)
 
     def _read(self) -> None:
@@ -220,6 +226,6 @@ class Service:
         size = self._header.size + wide.size
         self.send([self._header.pack(0, command_id, size) + wide.pack(status, self.version)])
         if fits and self._client is not None:
-            self._peer = (self._client.getpeername()[0], port)
+            self._peer = (self._host, port)
         elif not fits:
             self._say(f"{self._name}: refused a library of version {version}, this is {self.version}")

@@ -23,6 +23,7 @@ import numpy as np
 
 from control.limits import RobotLimits
 from control.trajectory import SAMPLE_TIME
+from hw_interface.research_interface.history import History
 from hw_interface.research_interface.layout import (
     Command,
     Controller,
@@ -85,6 +86,7 @@ class ControlBox:
     Attributes:
         settings: What clients have set.
         milliseconds: Robot time; the id of the last state.
+        history: What it did in the last seconds.
         outbox: Answers for the client, oldest first; the caller empties it.
     """
 
@@ -94,6 +96,7 @@ class ControlBox:
         self._record = StateRecord(plant.arm, plant.gravity)
         self.settings = Settings(plant, self._record)
         self.milliseconds = 0
+        self.history = History()
         self.outbox: list[bytes] = []
         self._motion: Motion | None = None
         self._errors: set[Error] = set()
@@ -166,6 +169,7 @@ class ControlBox:
         self._watch(readings)
         self._finish_recovery()
         self._describe()
+        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q)
 
     # requests of the client
 

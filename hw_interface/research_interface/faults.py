@@ -13,12 +13,14 @@ One line in, one line of JSON out, over TCP on this machine. The lines:
     gripper off|on                     nothing listens on the gripper's port
     drop N                             lose the next N commands of the client
     version N                          report another protocol version
+    history FILE                       write the last 60 s, every millisecond, to an NPZ file (see `history`)
     fci on|off|silent                  answer; refuse connections; take connections and never answer
 
 Nothing that drives a robot may use this.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -79,6 +81,8 @@ class FaultCommands:
                 self._box.reflex(Error[words[0].upper()])
             elif name == "drop":
                 self._faults.drop = int(words[0])
+            elif name == "history":
+                self._box.history.write(Path(words[0]))
             elif name == "version":
                 self._robot.version = int(words[0])
             elif name == "fci":
@@ -88,7 +92,8 @@ class FaultCommands:
         except (KeyError, IndexError, ValueError):
             raise ConfigError(
                 f"'{line}' is not valid; valid are: state, user_stop|brakes|guiding|freeze|gripper_silent|gripper "
-                "on|off, push JOINT TORQUE SECONDS, reflex NAME, drop N, version N, fci on|off|silent"
+                "on|off, push JOINT TORQUE SECONDS, reflex NAME, drop N, version N, "
+                "history FILE, fci on|off|silent"
             ) from None
         return {
             "ok": True,

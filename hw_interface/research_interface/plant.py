@@ -14,7 +14,7 @@ from hw_interface.sim_backend import SimBackend
 # First-order low-pass of the estimated external torque in [Hz]. Franka publishes none; this one shows a blow to the
 # hand within 10 ms and takes away the chatter of the contact solver.
 EXTERNAL_TORQUE_CUTOFF = 30.0
-# How far the mechanical stops lie beyond the positions that may be commanded in [rad], so that an arm which follows with
+# How far the mechanical stops lie beyond the positions that may be commanded in [rad], so that an arm that follows with
 # an error does not strike them. Not published.
 STOPS = 0.05
 

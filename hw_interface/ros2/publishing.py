@@ -54,7 +54,9 @@ class _Topic:
                 key,
                 cache=CacheConfig(1),
                 publisher_detection=True,
-                sample_miss_detection=MissDetectionConfig(),  # numbers messages; sessions here have no time stamps
+                sample_miss_detection=MissDetectionConfig(
+                    None, None
+                ),  # numbers messages; sessions here have no time stamps
             )
         else:
             self._publisher = session.declare_publisher(key)

@@ -151,15 +151,16 @@ class Ros2View:
             messages.append(_tf("tf", stamp, [LinkPose.of(WORLD, optical, frame.world_T_camera)]))
         return messages
 
-    def event(self, stamp: float, level: LogLevel, message: str) -> Ros2Message:
+    def event(self, stamp: float, level: LogLevel, name: str, message: str) -> Ros2Message:
         """Something that happened, for people.
 
         Args:
             stamp: When, in [s].
             level: How bad it is.
+            name: Who says so.
             message: What.
         """
-        data = encoding.log(_ns(stamp), level, "replan", message)
+        data = encoding.log(_ns(stamp), level, name, message)
         return Ros2Message("rosout", encoding.LOG, _ns(stamp), data)
 
     def _finger_speed(self, state: RobotState) -> float:

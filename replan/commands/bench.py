@@ -191,9 +191,26 @@ class BenchVerdicts:
 
 
 @dataclass(frozen=True)
+class BenchResearchInterface:
+    """Motions through the real libfranka on the simulated control box: validated ones, ones with one limit broken each,
+    and planned paths that were not retimed; which are aborted, and by what name.
+    """
+
+    runs: int = 100
+    """Motions of each of the three kinds."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.research_interface", "--runs", str(self.runs)]
+        return _call([*command, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
-    verdicts.
+    verdicts, the control box.
     """
 
     name: tyro.conf.OmitSubcommandPrefixes[
@@ -207,6 +224,7 @@ class Bench:
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
             | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
             | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]
+            | Annotated[BenchResearchInterface, tyro.conf.subcommand("research-interface")]
         ]
     ]
 

@@ -56,6 +56,8 @@ class Run:
     """Where run folders are made."""
     video: bool = True
     """Film the run from the twin's side (a second or two at the end)."""
+    mcap: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also record the run into run.mcap for Foxglove, Rerun and ROS 2's tools (docs/ros2.md)."""
     acknowledge: bool = False
     """Say that you looked at the cell after a stop or reflex, and that it may move again."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -86,6 +88,7 @@ class Run:
                 without=tuple(self.without),
                 runs_dir=self.runs_dir,
                 video=self.video,
+                mcap=self.mcap,
                 acknowledge=self.acknowledge,
             ),
             console.note,
