@@ -157,7 +157,7 @@ class RobotNode:
         now = time.monotonic()
         if now >= self._next_state:
             # On a grid, so that the rate holds on average; after a pause it begins anew.
-            self._next_state = max(self._next_state + self.state_period, now - self.state_period)
+            self._next_state = max(self._next_state + self.state_period, now)
             self._state_publisher.put(encode(self._driver.state()))
 
     def close(self) -> None:

@@ -209,7 +209,7 @@ def _connect(endpoint: str, timeout: float, security: LinkSecurity | None, whom:
 
 
 def declare_stream(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """Publisher of small messages many times a second; publishing takes a millisecond at most, however slow a reader is.
+    """Publisher of small messages at a high rate; to publish takes a millisecond at most, however slow readers are.
 
     Batched, not express: an express message takes a batch for itself, and states are lost on a busy machine.
     """

@@ -280,7 +280,7 @@ def _recorded(
     """Record the run from here on, until `stack` ends; `say` with each line recorded as well."""
     from replan.run_recording import FILE_NAME, RunRecording
 
-    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say)
+    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say, client.security)
     stack.callback(recording.close)
     episode.on_event, client.on_frame = recording.event, recording.frame
     return recording.telling(say)

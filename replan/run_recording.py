@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from hw_interface.link_security import LinkSecurity
     from perception.frames import RgbdFrame
     from sim_check.cells import CellConfig
 
@@ -29,20 +30,28 @@ class RunRecording:
         endpoint: The robot process's.
         cell: Where base and cameras stand.
         say: Gets a line if the recording has to end before the run does.
+        security: Certificates, for a "tls/" endpoint.
 
     Raises:
         ConfigError: The file cannot be written.
         RobotGoneError: Nobody answers at the endpoint.
     """
 
-    def __init__(self, path: Path, endpoint: str, cell: "CellConfig", say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        endpoint: str,
+        cell: "CellConfig",
+        say: Callable[[str], None],
+        security: "LinkSecurity | None" = None,
+    ) -> None:
         from hw_interface.ros2.mcap_sink import McapSink
         from hw_interface.ros2.relay import Relay
         from hw_interface.transport import open_client_session
         from replan.ros2_view import make_view
 
         self._view = make_view(cell)
-        self._session = open_client_session(endpoint)
+        self._session = open_client_session(endpoint, security=security)
         try:
             self._sink = McapSink(path)
         except BaseException:
