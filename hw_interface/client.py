@@ -18,7 +18,7 @@ from hw_interface.cameras.offers import all_cameras, offered_cameras
 from hw_interface.errors import CameraGoneError, MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.gate import valid_speed
-from hw_interface.link_security import LinkSecurity, Role
+from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
@@ -117,10 +117,15 @@ class CellClient:
     """
 
     def __init__(
-        self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float, role: Role | None = None
+        self,
+        session: zenoh.Session,
+        endpoint: str,
+        info: CellInfo,
+        timeout: float,
+        security: LinkSecurity | None = None,
     ) -> None:
         self._session = session
-        self._role: Role | None = role
+        self.security = security
         self._timeout = timeout
         self._news = threading.Condition()
         self._latest: RobotState | None = None
@@ -153,10 +158,9 @@ class CellClient:
             MessageError: The cell speaks another protocol version.
         """
         session = open_client_session(endpoint, timeout, security)
-        role: Role | None = None if security is None else security.role
         try:
-            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, role)
-            return cls(session, endpoint, info, timeout, role)
+            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, security and security.role)
+            return cls(session, endpoint, info, timeout, security)
         except BaseException:
             session.close()
             raise
@@ -353,7 +357,7 @@ class CellClient:
         return _report(result, self.state())
 
     def _ask(self, key: str, request: Message, expected: type[M], timeout: float) -> M:
-        return ask(self._session, key, request, expected, timeout, self._role)
+        return ask(self._session, key, request, expected, timeout, self.security and self.security.role)
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         try:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from control.errors import RefusedError
+from control.errors import ConfigError, RefusedError
 from hw_interface.audit import Audit
 from hw_interface.audit_log import AuditLog
 from hw_interface.frame_message import FrameMessage
@@ -43,6 +43,7 @@ from hw_interface.transport import (
     TRAJECTORY_KEY,
     TRUTH_KEY,
     answer,
+    declare_stream,
     open_robot_session,
     read_request,
     refusing,
@@ -52,7 +53,8 @@ from hw_interface.wire import encode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
-STATE_PERIOD = 0.014  # [s]; comfortably above 50 states a second
+STATE_RATE = 70.0  # states a second; comfortably above 50
+MOST_STATES = 1000.0  # a second
 
 
 class RobotNode:
@@ -67,9 +69,11 @@ class RobotNode:
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
         audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
+        state_rate: States a second to publish, 1 to 1000, as far as `serve` is called as often.
 
     Attributes:
         endpoint: Where clients find it.
+        state_period: Time between two states in [s].
 
     Raises:
         ConfigError: The port is in use, the endpoint is not valid, or the router has a robot already.
@@ -87,7 +91,11 @@ class RobotNode:
         security: LinkSecurity | None = None,
         connect: bool = False,
         audit: AuditLog | None = None,
+        state_rate: float = STATE_RATE,
     ) -> None:
+        if not 1.0 <= state_rate <= MOST_STATES:
+            raise ConfigError(f"{state_rate:g} states a second are not valid; give 1 to {MOST_STATES:g}")
+        self.state_period = 1.0 / state_rate
         self._driver = driver
         self._audit = Audit(driver, audit)
         self._cameras = cameras
@@ -98,7 +106,7 @@ class RobotNode:
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint, security, connect)
         self._lease = OperatorLease(self._session)
-        self._state_publisher = self._session.declare_publisher(STATE_KEY)
+        self._state_publisher = declare_stream(self._session, STATE_KEY)
         self._answers = [
             self._offer(key, handler)
             for key, handler in {
@@ -148,7 +156,8 @@ class RobotNode:
         """Publish the state if it is time to."""
         now = time.monotonic()
         if now >= self._next_state:
-            self._next_state = now + STATE_PERIOD
+            # On a grid, so that the rate holds on average; after a pause it begins anew.
+            self._next_state = max(self._next_state + self.state_period, now)
             self._state_publisher.put(encode(self._driver.state()))
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
 from hw_interface.link_security import LinkSecurity
+from hw_interface.node import STATE_RATE
 from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
@@ -49,6 +50,7 @@ def run_sim_cell(
     endpoint: str = DEFAULT_ENDPOINT,
     security: LinkSecurity | None = None,
     connect: bool = False,
+    state_rate: float = STATE_RATE,
     speed: float = 1.0,
     supervision: SupervisionLimits | None = None,
     score: bool = False,
@@ -63,6 +65,7 @@ def run_sim_cell(
         gate: What the driver checks every trajectory against; its gripper is what the robot in the world carries.
         endpoint: Where to listen; port 0 picks a free one (see the ready line). With `connect`, of the router to join.
         security, connect: As in `hw_interface.transport.open_robot_session`.
+        state_rate: States a second to publish, 1 to 1000.
         speed: Robot time per wall time while moving, 0 = as fast as possible.
         supervision: Where the driver stops by itself.
         score: Offer to a scorer what truly stands there and is seen.
@@ -87,6 +90,7 @@ def run_sim_cell(
         endpoint=endpoint,
         security=security,
         connect=connect,
+        state_rate=state_rate,
         speed=speed,
         truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,

@@ -50,6 +50,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
                 options.connect or options.endpoint,
                 security=security,
                 connect=options.connect is not None,
+                state_rate=options.state_rate,
                 audit=audit,
             )
             try:

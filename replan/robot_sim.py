@@ -33,6 +33,7 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
         endpoint=options.connect or options.endpoint,
         security=security,
         connect=options.connect is not None,
+        state_rate=options.state_rate,
         speed=options.speed,
         score=options.score,
         parent_pid=options.parent_pid,

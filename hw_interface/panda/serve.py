@@ -14,7 +14,7 @@ def supervise(driver: PandaDriver, node: RobotNode, leash: Leash) -> None:
     """Run until the leash ends it; a motion is brought to rest on its path first."""
     mark = time.monotonic()
     while not leash.ended():
-        node.serve(TURN)
+        node.serve(min(TURN, node.state_period))
         now = time.monotonic()
         if now - mark > FROZEN_AFTER and driver.moving:
             driver.reflex("frozen", f"the supervisor stood still for {now - mark:.1f} s in a motion")

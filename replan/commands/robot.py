@@ -33,6 +33,8 @@ class RobotSim:
     """Join the router at this endpoint (`replan router`) instead of listening."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    state_rate: float = 70.0
+    """States a second to publish, at most 1000."""
     speed: float = 1.0
     """Pace in times real time while moving; 0 is as fast as it goes."""
     score: bool = False
@@ -70,6 +72,8 @@ class RobotPanda:
     """Join the router at this endpoint (`replan router`) instead of listening."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    state_rate: float = 70.0
+    """States a second to publish, at most 1000."""
     gripper_address: str | None = None
     """Where a Robotiq gripper answers: a serial port (/dev/ttyUSB0) or HOST:PORT. A Franka Hand is at the box."""
     audit_log: Path = Path("runs/robot/audit.jsonl")
