@@ -69,7 +69,8 @@ def examine(
     """Look at everything; takes a few seconds.
 
     Args:
-        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
+        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447; or, without a
+            protocol in front, the address of a Panda's control box.
         detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
         server: Address of a language server, model or None, and environment variable of its key; None to ask none.
     """
@@ -82,7 +83,7 @@ def examine(
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
     ]
     items += [Finding("reasoner", r.name, r.here, r.detail) for r in examine_reasoners(server)]
-    items.append(_robot(robot_endpoint))
+    items += _robots(robot_endpoint)
     return Findings(tuple(items))
 
 
@@ -105,6 +106,15 @@ def _rendering() -> Finding:
         return Finding("rendering", "off-screen", True, f"MUJOCO_GL={available_backend()} works", needed=True)
     except StackError as error:
         return Finding("rendering", "off-screen", False, str(error), needed=True)
+
+
+def _robots(where: str) -> list[Finding]:
+    """A robot process at an endpoint, or a control box and its gripper at an address."""
+    if "/" in where:
+        return [_robot(where)]
+    from replan.doctor_control_box import examine_control_box
+
+    return [Finding("robot", part.name, part.ok, part.detail) for part in examine_control_box(where)]
 
 
 def _robot(endpoint: str) -> Finding:

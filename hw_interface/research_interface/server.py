@@ -241,7 +241,7 @@ class ResearchInterface:
             if command is not None and self._lost():
                 command = None
             if not motion.started and time.monotonic() - self._heard > FIRST_COMMAND:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
             self._tick(command)
             self._publish()
             return SAMPLE_TIME
@@ -266,7 +266,7 @@ class ResearchInterface:
         if not self._commands:
             allowed = SILENCE if motion.started else FIRST_COMMAND
             if self.box.motion is motion and time.monotonic() - self._heard > allowed:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
                 self._flush()
             return
         self._heard = time.monotonic()

@@ -22,7 +22,7 @@ class Doctor:
     """
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint to look for a robot at."""
+    """Endpoint of a robot process to look for (tcp/HOST:PORT), or address of a Panda's control box (HOST)."""
     detector: str = "default"
     """Also look at these detector weights: local folder or hub name."""
     segmenter: str = "default"
