@@ -10,12 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from control.errors import RefusedError, RobotGoneError, StoppedError
-from control.trajectory import GripperCommand, Trajectory
-from hw_interface.audit_log import read_audit_log
-from hw_interface.client import CellClient, ExecutionReport
-from tests.hw_support import joined
-from tests.panda_side import (
+from benchmarks.panda_side import (
     PandaSide,
     acknowledge,
     certified,
@@ -25,6 +20,11 @@ from tests.panda_side import (
     wait_for_mode,
     wait_for_progress,
 )
+from control.errors import RefusedError, RobotGoneError, StoppedError
+from control.trajectory import GripperCommand, Trajectory
+from hw_interface.audit_log import read_audit_log
+from hw_interface.client import CellClient, ExecutionReport
+from tests.hw_support import joined
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 GATE = gate()

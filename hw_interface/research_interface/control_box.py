@@ -132,7 +132,7 @@ class ControlBox:
     @property
     def errors(self) -> tuple[str, ...]:
         """Names of the present errors, as libfranka prints them."""
-        return tuple(sorted(e.name.lower() for e in self._errors))
+        return tuple(sorted(e.printed for e in self._errors))
 
     @property
     def state(self) -> bytes:
@@ -220,7 +220,7 @@ class ControlBox:
     def client_gone(self) -> None:
         """The client has left: a motion that it left behind is a failure of communication."""
         if self._motion is not None:
-            self.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+            self.reflex(Error.COMMUNICATION)
         if self._recovery is not None:
             self._recovery = (-1, self._recovery[1])
         self.outbox.clear()
@@ -230,7 +230,7 @@ class ControlBox:
         self._errors.add(error)
         self._last_motion_errors = {error}
         self._recovery = None
-        self._say(f"reflex: {error.name.lower()}")
+        self._say(f"reflex: {error.printed}")
         if self._motion is not None:
             self._abort(self._motion, MoveStatus.REFLEX_ABORTED, StopStatus.REFLEX_ABORTED)
         self._describe()
@@ -272,20 +272,21 @@ class ControlBox:
         motion.success.append(command is not None)
         motion.lost = 0 if command is not None else motion.lost + 1
         if motion.lost >= MOST_LOST:
-            return self._fail(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+            return self._fail(Error.COMMUNICATION)
         q = self._wanted(motion, command)
         error = None
         if first and motion.generator is Generator.JOINT_POSITION:
             error = start_error(q, self._set_point)
-        error = error or command_error(q, self._set_point, self._limits)
+        if error is None:
+            error = command_error(q, self._set_point, self._limits)
         if error is not None:
             return self._fail(error)
         torque = None
         if motion.controller is Controller.EXTERNAL:
             torque = self._tau_d if command is None else np.array(command["tau_J_d"])
             error = torque_command_error(torque, self._tau_d, self._limits)
-            if error is not None or not np.isfinite(torque).all():
-                return self._fail(error or Error.CONTROLLER_TORQUE_DISCONTINUITY)
+            if error is not None:
+                return self._fail(error)
         self._set_point.follow(q)
         if command is not None and command["finished"]:
             return self._finish(motion)

@@ -86,14 +86,14 @@ class ResearchInterface:
         with_hand: Whether the gripper is Franka's own hand, whose service the box offers; others have their own wire.
         say: Called with one line for every event that a person would want to read.
         leash: To end the loop from elsewhere.
-        between: Called between ticks, at most every few milliseconds, on the loop's thread: the place for answers that
-            look at the world.
 
     Attributes:
         box, hand: State machines.
         arm_model: Pinocchio model of the arm without its hand.
         library: Bytes of the model library that clients may load; None where it could not be built.
         leash: Ends the loop.
+        between: Called between ticks on the loop's thread, while the world stands still: the place for answers that
+            look at it; None for nothing.
         control_port: Where the administrative channel listens, or None.
 
     Raises:
@@ -113,10 +113,9 @@ class ResearchInterface:
         with_hand: bool = True,
         say: Callable[[str], None] = lambda _line: None,
         leash: Leash | None = None,
-        between: Callable[[], None] | None = None,
     ) -> None:
         self.address, self._pace = address, pace
-        self._between = between
+        self.between: Callable[[], None] | None = None
         self.library: bytes | None = None
         self.leash = leash or Leash()
         plant = Plant(world.model, world.data, gripper)
@@ -204,9 +203,9 @@ class ResearchInterface:
             if self._faults.frozen:
                 due = time.monotonic()
                 continue
-            if self._between is not None:
+            if self.between is not None:
                 begun = time.monotonic()
-                self._between()
+                self.between()
                 due += time.monotonic() - begun  # robot time stands still while a picture is taken
             if self._motion is not self.box.motion:
                 self._begin(self.box.motion)
@@ -242,7 +241,7 @@ class ResearchInterface:
             if command is not None and self._lost():
                 command = None
             if not motion.started and time.monotonic() - self._heard > FIRST_COMMAND:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
             self._tick(command)
             self._publish()
             return SAMPLE_TIME
@@ -267,7 +266,7 @@ class ResearchInterface:
         if not self._commands:
             allowed = SILENCE if motion.started else FIRST_COMMAND
             if self.box.motion is motion and time.monotonic() - self._heard > allowed:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
                 self._flush()
             return
         self._heard = time.monotonic()
