@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.fault_judgement import distance_from
 from benchmarks.panda_side import (
     PandaSide,
     acknowledge,
     certified,
     gate,
-    off_path,
     panda_side,
     wait_for_mode,
     wait_for_progress,
@@ -80,6 +80,11 @@ def commanded(side: PandaSide, folder: Path) -> np.ndarray:
     moving = history.mode == MOVE
     moving[1:] |= moving[:-1]  # the command that ends a motion is followed in a millisecond that is idle already
     return history.q_d[moving]
+
+
+def off_path(rows: np.ndarray, samples: np.ndarray) -> float:
+    """Largest distance per joint in [rad] of rows (m, 7) from the path through samples (n, 7)."""
+    return float(distance_from(rows, samples).max())
 
 
 def rest_time(history, since: int) -> float:
