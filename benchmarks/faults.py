@@ -38,6 +38,7 @@ from hw_interface.audit_log import DamagedLine, read_audit_log
 from hw_interface.client import CellClient
 
 STILL = 0.4  # [s] of wall time after the rest in which nothing may move
+REST = 10.0  # [s] of wall time that a motion may go on after the operator knows; its box may wait for a clearance
 ENDS = 30.0  # [s] of wall time that an injection may take until the operator knows
 
 
@@ -208,6 +209,7 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
     except (StackError, AssertionError, OSError, LookupError) as error:
         fault, note = _milliseconds(side), f"{type(error).__name__}: {error}"[:200]
         operator.join()
+    _await_rest(side)
     time.sleep(STILL)
     try:
         history = side.history(folder)
@@ -246,6 +248,13 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
 
 def _milliseconds(side: PandaSide) -> int:
     return int(str(side.box.faults.send("state")["milliseconds"]))
+
+
+def _await_rest(side: PandaSide) -> None:
+    """Wait until the box is in no motion; one that never ends shows in the history."""
+    until = time.monotonic() + REST
+    while time.monotonic() < until and side.box.faults.send("state")["mode"] == "move":
+        time.sleep(0.05)
 
 
 def _mode(side: PandaSide) -> str:
