@@ -117,9 +117,12 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
             raise RefusedError("not_ready", f"{why}; connecting again now: acknowledge again in some seconds")
         if self._connecting:
             raise RefusedError("not_ready", "the control box is being connected to; acknowledge again in some seconds")
-        if (fault := self._hand.read().fault) is not None:
+        hand = self._hand.read()
+        if hand.connecting:
+            raise RefusedError("not_ready", "the gripper is being connected to; acknowledge again in some seconds")
+        if hand.fault is not None:
             self._hand.restart()
-            raise RefusedError("not_ready", f"{fault}; connecting to it anew: acknowledge again in some seconds")
+            raise RefusedError("not_ready", f"{hand.fault}; connecting to it anew: acknowledge again in some seconds")
         try:
             answer = self._player.ask(Recover(), Recovered, RECOVER_TIMEOUT)
         except StackError as error:

@@ -20,7 +20,7 @@ from hw_interface.panda.link import Link
 from hw_interface.wire import Message
 
 CONNECT_TIMEOUT = 15.0  # [s]
-SILENT = 1.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
+SILENT = 3.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
 TURN = 0.005  # [s]
 _STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8")])
 
@@ -113,7 +113,8 @@ class HandProcess:
         if self._fault is None:
             self._hear(0.0)
         fault = self._fault or self._new_fault()
-        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault)
+        connecting = self._fault is None and not self._ready
+        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault, connecting)
 
     def begin(self, command: GripperCommand) -> None:
         """Begin a command."""
