@@ -67,6 +67,8 @@ class FrankaHand:
         except Exception as error:
             if "aborted" not in str(error):  # by a newer command
                 self._fault = f"the gripper did not do what it was told: {' '.join(str(error).split())}"
+        finally:
+            self._heard = time.monotonic()
 
 
 def connect_hand(address: str, model: GripperModel) -> FrankaHand:

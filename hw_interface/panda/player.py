@@ -80,6 +80,7 @@ class Player:
         self._parts: tuple[Part, ...] = ()
         self._used: set[str] = set()
         self._state: Any = None
+        self._waited_for = -1  # last planned row of the clearance whose successor did not come
 
     def run(self) -> None:
         """Serve until the supervisor is gone. The arm rests then: every clearance ends at rest."""
@@ -180,7 +181,7 @@ class Player:
         except Exception as error:
             return ended("refused_by_robot", f"the control box refused thresholds or load: {error}")
         positions = self._libfranka.JointPositions
-        elapsed, finished = 0, False
+        elapsed, finished, self._waited_for = 0, False, -1
 
         def callback(state: Any, period: Any) -> Any:
             nonlocal elapsed, finished, row
@@ -209,14 +210,16 @@ class Player:
         """Take the latest clearance, waiting for one only where the robot's time waits as well."""
         if (order := self._board.order()) is not None:
             self._judge(order, begin, cleared, row)
-        if self._patience <= 0.0:
-            return
+        if self._patience <= 0.0 or self._waited_for == cleared.planned:
+            return  # waiting for this one was in vain
         until = time.monotonic() + self._patience
         while cleared.planned < cleared.last and cleared.row(elapsed) >= cleared.planned and time.monotonic() < until:
             if (order := self._board.order()) is not None:
                 self._judge(order, begin, cleared, row)
             time.sleep(1e-4)
             self._board.turn()
+        if time.monotonic() >= until:
+            self._waited_for = cleared.planned
 
     def _judge(self, order: Order, begin: BeginPart, cleared: ClearedPath, row: int) -> None:
         if order.motion != begin.motion or order.part != begin.part:
