@@ -30,7 +30,8 @@ LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
 # States have a queue of their own, so that they overtake pictures, and room for a second at 1 kHz (a batch takes about
 # 100 of them) when a client's machine is busy. Beyond that they are dropped: nobody's slowness holds up a robot's loop.
-STREAM_PRIORITY, _STREAM_QUEUE, STREAM_BATCHES = zenoh.Priority.INTERACTIVE_HIGH, "interactive_high", 16
+STREAM_PRIORITY, _STREAM_QUEUE = zenoh.Priority.INTERACTIVE_HIGH, "interactive_high"
+QUEUE_BATCHES = 16  # of 64 kB; with the transport's own 2 a picture of megabytes waits for the sender's thread 50 times
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
 INFO_KEY = "cell/info"
@@ -106,7 +107,7 @@ def _config(
         "transport/link/protocols": ["tcp" if security is None else "tls"],
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": KEEP_ALIVES_PER_LEASE,
-        f"transport/link/tx/queue/size/{_STREAM_QUEUE}": STREAM_BATCHES,
+        **{f"transport/link/tx/queue/size/{queue}": QUEUE_BATCHES for queue in (_STREAM_QUEUE, "data")},
         "transport/shared_memory/enabled": False,  # segments would outlive a killed process
     }
     if security is not None:
