@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import multiprocessing
+import os
 import subprocess
 import sys
 import tempfile
@@ -268,9 +269,11 @@ def _mode(side: PandaSide) -> str:
 
 def _work(jobs: list[tuple[int, int]], folder: str, results: Any) -> None:
     """One process's share of the injections."""
-    rig = Rig(Path(folder))
+    rig, parent = Rig(Path(folder)), os.getppid()
     try:
         for kind, seed in jobs:
+            if os.getppid() != parent:
+                return  # nobody wants to know any more
             try:
                 results.put(inject(rig, KINDS[kind], seed))
             except Exception as error:
