@@ -1,4 +1,4 @@
-"""`python -m tests.without_packages PACKAGE,PACKAGE,... MODULE [ARGUMENT ...]`: a module run where packages are missing.
+"""`python -m tests.without_packages PACKAGE,... MODULE [ARGUMENT ...]`: a module run where packages are missing.
 
 It behaves as if they were not installed: importing one raises ModuleNotFoundError and their versions are unknown.
 """
