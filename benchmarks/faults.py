@@ -208,7 +208,7 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
         kind.inject(scene)
         operator.join()
     except (StackError, AssertionError, OSError, LookupError) as error:
-        fault, note = _milliseconds(side), f"{type(error).__name__}: {error}"[:200]
+        fault, note = _milliseconds(side), f"{type(error).__name__}: {str(error)[-300:]}"
         operator.join()
     _await_rest(side)
     time.sleep(STILL)
