@@ -370,6 +370,7 @@ def main() -> None:
             spent = time.monotonic() - begun
             left = spent / len(done) * (len(jobs) - len(done)) / 60.0
             words = f"{one.outcome}, told '{one.said}'" + (f", {one.note}" if one.note else "")
+            words += f", UNCERTIFIED {one.uncertified} rows, {one.departure:.3g} rad" if one.uncertified else ""
             print(
                 f"[{spent:7.1f} s] {len(done)} of {len(jobs)}: {one.kind} {one.seed}: "
                 f"{'right' if one.right else 'WRONG'} ({words}; {left:.0f} min left)",
