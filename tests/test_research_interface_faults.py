@@ -15,7 +15,16 @@ import numpy as np
 import pytest
 
 from control.errors import ConfigError
-from hw_interface.research_interface.layout import GRIPPER_PORT, HEADER, PORT, STATE, Command
+from hw_interface.research_interface.layout import (
+    COMMAND,
+    GRIPPER_PORT,
+    HEADER,
+    PORT,
+    STATE,
+    Command,
+    Mode,
+    MoveStatus,
+)
 from hw_interface.research_interface.process import ControlBoxProcess
 from tests.control_boxes import abort_of, along, control_box, desired, go_home_if_far, play, robot_at, swing
 
@@ -206,6 +215,36 @@ def test_half_a_request_waits_for_its_other_half(box: ControlBoxProcess):
         connection.sendall(request[7:])
         assert struct.unpack("<IIIBH", connection.recv(100)) == (0, 0, 15, 0, 5)
         assert len(states.recv(8192)) == STATE.itemsize
+
+
+def test_in_lockstep_old_commands_are_not_taken_and_a_lost_state_comes_again(box: ControlBoxProcess):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as states, raw(box) as connection:
+        states.bind(("127.0.0.1", 0))
+        states.settimeout(5.0)
+        connection.sendall(connect_request(5, states.getsockname()[1]))
+        assert connection.recv(100)[12] == 0
+        connection.sendall(HEADER.pack(Command.MOVE, 1, 68) + bytes(56))
+        assert connection.recv(100)[12] == MoveStatus.STARTED
+        state = np.zeros(1, STATE)
+        while state[0]["robot_mode"] != Mode.MOVE:
+            data, source = states.recvfrom(8192)
+            state = np.frombuffer(data, STATE)
+        command = np.zeros(1, COMMAND)
+        command["q_c"] = state["q_d"]
+        command["message_id"], command["finished"] = 1, 1  # answers a state from long before this motion
+        states.sendto(command.tobytes(), source)
+        time.sleep(0.1)
+        assert box.faults.send("state")["mode"] == "move"
+        command["finished"] = 0
+        ids: list[int] = []
+        while len(ids) < 2 or ids[-1] != ids[-2]:  # answer what comes until it comes a second time
+            ids.append(int(np.frombuffer(states.recv(8192), STATE)[0]["message_id"]))
+            if len(ids) < 10:
+                command["message_id"] = ids[-1]
+                states.sendto(command.tobytes(), source)
+        assert ids[:-1] == list(range(ids[0], ids[0] + len(ids) - 1))
+        connection.sendall(HEADER.pack(Command.STOP_MOVE, 2, 12))
+        assert connection.recv(100)[12] == MoveStatus.PREEMPTED
 
 
 def test_another_version_of_the_library_is_told_which_one_this_is(box: ControlBoxProcess):
