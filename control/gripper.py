@@ -16,6 +16,10 @@ import numpy as np
 
 from control.errors import ConfigError
 
+# The hand of the robot's own description: what Desk takes it to weigh (Franka Hand, product manual: 0.73 kg) and where
+# the URDF has its tool centre point.
+FRANKA_HAND_MASS = 0.73  # [kg]
+FRANKA_HAND_TCP = 0.1034  # [m] from the flange along z
 HAND_TURN = -np.pi / 4  # [rad] of the hand about the flange's z; the Panda's URDF
 
 
@@ -82,6 +86,16 @@ class GripperModel:
     def widest(self, clearance: float) -> float:
         """Widest object in [m] that open fingers go around with a clearance in [m] on either side."""
         return self.opening - 2 * clearance
+
+    @property
+    def mass(self) -> float:
+        """What it weighs in [kg]."""
+        return FRANKA_HAND_MASS if self.mounting is None else self.mounting.base.mass + 2 * self.mounting.finger.mass
+
+    @property
+    def tcp_distance(self) -> float:
+        """Distance of the tool centre point from the flange along z in [m]."""
+        return FRANKA_HAND_TCP if self.mounting is None else self.mounting.tcp
 
     @property
     def full_stroke(self) -> float:

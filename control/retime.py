@@ -111,7 +111,8 @@ def retime_with_report(
             reports.append(report)
             pieces.append(samples)
             count += len(samples)
-            stretches.append(TrajectorySegment(segment.name, start, count, segment.held, segment.touching))
+            mass = None if segment.held is None else loaded.mass(segment.held)
+            stretches.append(TrajectorySegment(segment.name, start, count, segment.held, segment.touching, mass))
         if segment.gripper is not None:
             start = count if stretches else 0
             dwell = _dwell(segment.gripper, options, robot.gripper)
@@ -160,6 +161,10 @@ class _Loads:
     def __init__(self, robot: RobotModel, payloads: Mapping[str, Payload]) -> None:
         self._robot, self._payloads = robot, payloads
         self._made: dict[str, RobotModel] = {}
+
+    def mass(self, name: str) -> float | None:
+        """What a thing weighs in [kg], where that is known."""
+        return self._payloads[name].mass if name in self._payloads else None
 
     def __call__(self, segment: PathSegment) -> RobotModel:
         name = segment.held

@@ -79,13 +79,21 @@ class GripperEvent:
 
 @dataclass(frozen=True)
 class TrajectorySegment:
-    """A named stretch of a trajectory: samples start <= k < stop, what is held and what may touch meanwhile."""
+    """A named stretch of a trajectory: samples start <= k < stop.
+
+    Attributes:
+        held: Name of what is in the hand meanwhile, or None.
+        touching: As in `PathSegment`.
+        held_mass: What that weighs in [kg] as it was counted in the torques, its centre taken at the tool centre
+            point; None where nobody said. A robot is told it as its load.
+    """
 
     name: str
     start: int
     stop: int
     held: str | None = None
     touching: tuple[tuple[str, str], ...] = ()
+    held_mass: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +153,7 @@ class Trajectory:
             digest.update(struct.pack("<dddd", event.time, event.dwell, c.width, c.force) + c.kind.encode() + b"\0")
         for s in self.segments:
             touching = ";".join(f"{a},{b}" for a, b in s.touching)
-            digest.update(f"{s.name}|{s.start}|{s.stop}|{s.held}|{touching}\n".encode())
+            mass = "" if s.held_mass is None else f"|{float(s.held_mass).hex()}"
+            digest.update(f"{s.name}|{s.start}|{s.stop}|{s.held}|{touching}{mass}\n".encode())
         digest.update("|".join(self.joint_names).encode())
         return digest.hexdigest()

@@ -6,7 +6,7 @@
     sample_time     0.001   in [s]
     q, qd, qdd      (n, 7)  in [rad], [rad/s], [rad/s^2]
     gripper         JSON text: [{"time": s, "dwell": s, "kind": "move" or "grasp", "width": m, "force": N}, ..]
-    segments        JSON text: [{"name", "start", "stop", "held", "touching": [[a, b], ..]}, ..]
+    segments        JSON text: [{"name", "start", "stop", "held", "touching": [[a, b], ..], "held_mass": kg | null}, ..]
 
 JSON keeps float64 exactly: Python writes the shortest digits that read back as the same number.
 """
@@ -51,6 +51,7 @@ class _SegmentEntry(BaseModel):
     stop: Count
     held: str | None
     touching: tuple[tuple[str, str], ...]
+    held_mass: Amount | None = None  # files written before it was there do not have it
 
 
 _EVENTS = TypeAdapter(tuple[_EventEntry, ...])
@@ -77,7 +78,9 @@ def write_trajectory(path: Path, trajectory: Trajectory) -> None:
         for e in trajectory.gripper
     )
     segments = tuple(
-        _SegmentEntry(name=s.name, start=int(s.start), stop=int(s.stop), held=s.held, touching=s.touching)
+        _SegmentEntry(
+            name=s.name, start=int(s.start), stop=int(s.stop), held=s.held, touching=s.touching, held_mass=s.held_mass
+        )
         for s in trajectory.segments
     )
     np.savez_compressed(
@@ -128,7 +131,7 @@ def trajectory_of(path: Path, arrays: Mapping[str, np.ndarray]) -> tuple[Traject
         for e in _parsed(path, "gripper", arrays, _EVENTS)
     )
     segments = tuple(
-        TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching)
+        TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching, s.held_mass)
         for s in _parsed(path, "segments", arrays, _SEGMENTS)
     )
     try:

@@ -19,7 +19,7 @@ from hw_interface.cameras.offers import all_cameras, offered_cameras
 from hw_interface.errors import CameraGoneError, MessageError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.gate import valid_speed
-from hw_interface.link_security import LinkSecurity, Role
+from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     Accepted,
     AcknowledgeRequest,
@@ -33,6 +33,7 @@ from hw_interface.messages import (
     StopRequest,
 )
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
+from hw_interface.operator_lease import Operator
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
@@ -118,16 +119,22 @@ class CellClient:
     """
 
     def __init__(
-        self, session: zenoh.Session, endpoint: str, info: CellInfo, timeout: float, role: Role | None = None
+        self,
+        session: zenoh.Session,
+        endpoint: str,
+        info: CellInfo,
+        timeout: float,
+        security: LinkSecurity | None = None,
     ) -> None:
         self._session = session
-        self._role: Role | None = role
+        self.security = security
         self._timeout = timeout
         self._news = threading.Condition()
         self._latest: RobotState | None = None
         self._latest_at = time.monotonic()
         self._count = 0
         self._alive = True
+        self._operator: Operator | None = None  # from the first motion on
         self.endpoint = endpoint
         self.info = info
         self.on_frame: Callable[[RgbdFrame], None] | None = None
@@ -154,10 +161,9 @@ class CellClient:
             MessageError: The cell speaks another protocol version.
         """
         session = open_client_session(endpoint, timeout, security)
-        role: Role | None = None if security is None else security.role
         try:
-            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, role)
-            return cls(session, endpoint, info, timeout, role)
+            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, security and security.role)
+            return cls(session, endpoint, info, timeout, security)
         except BaseException:
             session.close()
             raise
@@ -171,7 +177,9 @@ class CellClient:
         self.close()
 
     def close(self) -> None:
-        """Leave; the robot goes on with what it does."""
+        """Leave; a motion that this client sent is brought to rest on its path."""
+        if self._operator is not None:
+            self._operator.close()
         self._session.close()
 
     def cameras(self) -> tuple[str, ...]:
@@ -341,9 +349,10 @@ class CellClient:
             RobotGoneError: The robot process died or froze; what the arm does is unknown.
         """
         self._check_alive()
-        request = TrajectoryRequest.of(
-            trajectory, certificate, self.info.epoch, None if speed is None else _sendable(speed)
-        )
+        if self._operator is None:
+            self._operator = Operator(self._session)
+        share = None if speed is None else _sendable(speed)
+        request = TrajectoryRequest.of(trajectory, certificate, self.info.epoch, self._operator.identity, share)
         try:
             return self._execute(request, on_progress)
         except (RefusedError, StoppedError, RobotGoneError):
@@ -377,7 +386,7 @@ class CellClient:
         return _report(result, self.state())
 
     def _ask(self, key: str, request: Message, expected: type[M], timeout: float) -> M:
-        return ask(self._session, key, request, expected, timeout, self._role)
+        return ask(self._session, key, request, expected, timeout, self.security and self.security.role)
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         try:

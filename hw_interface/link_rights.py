@@ -33,14 +33,16 @@ _READABLE = (
     "cell/executing",
     "cell/alive",
 )
+_ROS2 = ("**", "@ros2_lv/**", "@/*/@ros2_lv", "@/*/@ros2_lv/**")  # its topics have keys of their own
 
 
 @dataclass(frozen=True)
 class _Right:
-    """What one side may do: kinds of message on keys."""
+    """What one side may do: kinds of message on keys. What is not allowed counts more than what is."""
 
     messages: tuple[str, ...]
     keys: tuple[str, ...]
+    allowed: bool = True
 
 
 # What the holders of a certificate may send to the session that listens, and what it may send to them. Whatever is in
@@ -48,7 +50,7 @@ class _Right:
 _FROM: Mapping[Role, tuple[_Right, ...]] = {
     "robot": (_Right(_ALL, _EVERYTHING),),
     "camera": (
-        _Right(_ANSWER, ("cell/frame/**",)),
+        _Right(_ANSWER, ("cell/frame/**", "cell/camera_health/**")),
         _Right(_BE_SEEN, ("cell/camera/**",)),
         _Right(_PUBLISH, ("cell/camera_health/**",)),
         # A camera on the hand moves with the arm, and pictures are stamped on the robot's clock.
@@ -58,11 +60,18 @@ _FROM: Mapping[Role, tuple[_Right, ...]] = {
     "operator": (
         _Right((*_ASK, *_LISTEN, *_WATCH), _EVERYTHING),
         _Right(_BE_SEEN, ("cell/operator/**",)),
+        _Right(_PUBLISH, ("cell/operator_beat/**",)),
     ),
     "viewer": (
         _Right((*_ASK, *_LISTEN), _READABLE),
         _Right(_ASK, ("cell/stop",)),
         _Right(_WATCH, _EVERYTHING),
+    ),
+    # The view that publishes, and ROS 2's own bridges and nodes that read it: nothing of the cell can be moved.
+    "ros2": (
+        _Right((*_ANSWER, *_PUBLISH, *_LISTEN, *_BE_SEEN, *_WATCH), _ROS2),
+        _Right(_ASK, (*_READABLE, "**/@adv/**")),  # what a topic's publisher keeps for those who come later
+        _Right((*_ANSWER, *_PUBLISH, *_BE_SEEN), _EVERYTHING, allowed=False),
     ),
 }
 _TO: Mapping[Role, tuple[_Right, ...]] = {
@@ -77,6 +86,7 @@ _TO: Mapping[Role, tuple[_Right, ...]] = {
         _Right((*_ANSWER, *_PUBLISH), (*_READABLE, "cell/stop")),
         _Right((*_BE_SEEN, *_WATCH, *_LISTEN), _EVERYTHING),
     ),
+    "ros2": (_Right(_ALL, _ROS2),),
 }
 
 
@@ -85,7 +95,7 @@ def may_ask(role: Role, key: str) -> bool:
     return any(
         zenoh.KeyExpr(keys).includes(zenoh.KeyExpr(key))
         for right in _FROM.get(role, ())
-        if set(_ASK) <= set(right.messages)
+        if right.allowed and set(_ASK) <= set(right.messages)
         for keys in right.keys
     )
 
@@ -101,7 +111,7 @@ def access_rules() -> dict[str, Any]:
                 rules.append(
                     {
                         "id": ids[-1],
-                        "permission": "allow",
+                        "permission": "allow" if right.allowed else "deny",
                         "flows": [flow],
                         "messages": list(right.messages),
                         "key_exprs": list(right.keys),

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from control.errors import ConfigError
 from control.strict_yaml import read_mapping
 
-Role = Literal["robot", "router", "camera", "operator", "viewer"]
+Role = Literal["robot", "router", "camera", "operator", "viewer", "ros2"]
 ROLES: tuple[Role, ...] = get_args(Role)
 LISTENING_ROLES: tuple[Role, ...] = ("robot", "router")  # only their certificates may serve
 

@@ -37,6 +37,7 @@ class SegmentMessage(Message):
     stop: Annotated[int, Field(ge=0)]
     held: Name | None
     touching: Annotated[tuple[tuple[Name, Name], ...], Field(max_length=1000)]
+    held_mass: Annotated[float, Field(ge=0)] | None
 
 
 class CertificateMessage(Message):
@@ -59,6 +60,7 @@ class TrajectoryRequest(Message):
     Attributes:
         epoch: Of the robot process that is meant, as in RobotState. A request that was sent to an earlier run of the
             process, or to another robot, is refused: a restarted process no longer knows which certificates were used.
+        operator: Identity of who asks (`hw_interface.operator_lease`); the motion is stopped when that one is gone.
         q, qd, qdd: Samples every millisecond in [rad], [rad/s], [rad/s^2], shape (n, 7).
         gripper, segments, joint_names: As in `control.trajectory.Trajectory`.
         certificate: The verdict's certificate; without one the robot refuses.
@@ -68,6 +70,7 @@ class TrajectoryRequest(Message):
 
     type_name: ClassVar[str] = "trajectory_request"
     epoch: Name
+    operator: Name
     q: JointRows  # type: ignore[valid-type]
     qd: JointRows  # type: ignore[valid-type]
     qdd: JointRows  # type: ignore[valid-type]
@@ -79,10 +82,15 @@ class TrajectoryRequest(Message):
 
     @classmethod
     def of(
-        cls, trajectory: Trajectory, certificate: Certificate | None, epoch: str, speed: float | None = None
+        cls,
+        trajectory: Trajectory,
+        certificate: Certificate | None,
+        epoch: str,
+        operator: str,
+        speed: float | None = None,
     ) -> "TrajectoryRequest":
-        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, and at which share
-        of its speed.
+        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, who asks, and at
+        which share of its speed.
 
         Raises:
             MessageError: Longer than any robot accepts.
@@ -102,11 +110,19 @@ class TrajectoryRequest(Message):
             for e in trajectory.gripper
         )
         segments = tuple(
-            SegmentMessage(name=s.name, start=int(s.start), stop=int(s.stop), held=s.held, touching=s.touching)
+            SegmentMessage(
+                name=s.name,
+                start=int(s.start),
+                stop=int(s.stop),
+                held=s.held,
+                touching=s.touching,
+                held_mass=None if s.held_mass is None else float(s.held_mass),
+            )
             for s in trajectory.segments
         )
         return cls(
             epoch=epoch,
+            operator=operator,
             q=np.asarray(trajectory.q, "<f8"),
             qd=np.asarray(trajectory.qd, "<f8"),
             qdd=np.asarray(trajectory.qdd, "<f8"),
@@ -128,7 +144,9 @@ class TrajectoryRequest(Message):
         if self.joint_names != JOINT_NAMES:
             raise MessageError("joint_names", f"are {list(self.joint_names)}; they must be {list(JOINT_NAMES)}")
         events = tuple(GripperEvent(e.time, e.dwell, GripperCommand(e.kind, e.width, e.force)) for e in self.gripper)
-        segments = tuple(TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching) for s in self.segments)
+        segments = tuple(
+            TrajectorySegment(s.name, s.start, s.stop, s.held, s.touching, s.held_mass) for s in self.segments
+        )
         try:
             return Trajectory(self.q, self.qd, self.qdd, events, segments, self.joint_names)
         except TrajectoryError as error:

@@ -11,10 +11,12 @@ from collections.abc import Callable
 
 import zenoh
 
-from control.errors import RefusedError
+from control.errors import ConfigError, RefusedError
+from hw_interface.audit import Audit
+from hw_interface.audit_log import AuditLog
 from hw_interface.camera_messages import ClockReading, ClockRequest
-from hw_interface.driver import Driver
 from hw_interface.frame_message import FrameMessage
+from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
 from hw_interface.messages import (
     AcknowledgeRequest,
@@ -27,6 +29,7 @@ from hw_interface.messages import (
     StopRequest,
 )
 from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.operator_lease import OperatorLease
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -42,6 +45,7 @@ from hw_interface.transport import (
     TRAJECTORY_KEY,
     TRUTH_KEY,
     answer,
+    declare_stream,
     open_robot_session,
     read_request,
     refusing,
@@ -51,7 +55,8 @@ from hw_interface.wire import encode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
-STATE_PERIOD = 0.014  # [s]; comfortably above 50 states a second
+STATE_RATE = 70.0  # states a second; comfortably above 50
+MOST_STATES = 1000.0  # a second
 
 
 class RobotNode:
@@ -65,9 +70,12 @@ class RobotNode:
         security, connect: As in `hw_interface.transport.open_robot_session`.
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
+        audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
+        state_rate: States a second to publish, 1 to 1000, as far as `serve` is called as often.
 
     Attributes:
         endpoint: Where clients find it.
+        state_period: Time between two states in [s].
 
     Raises:
         ConfigError: The port is in use, the endpoint is not valid, or the router has a robot already.
@@ -76,7 +84,7 @@ class RobotNode:
 
     def __init__(
         self,
-        driver: Driver,
+        driver: LatchedRobot,
         cameras: tuple[str, ...],
         take_frame: Callable[[str], RgbdFrame],
         endpoint: str,
@@ -84,8 +92,14 @@ class RobotNode:
         frame_truth: Callable[[str], FrameTruth] | None = None,
         security: LinkSecurity | None = None,
         connect: bool = False,
+        audit: AuditLog | None = None,
+        state_rate: float = STATE_RATE,
     ) -> None:
+        if not 1.0 <= state_rate <= MOST_STATES:
+            raise ConfigError(f"{state_rate:g} states a second are not valid; give 1 to {MOST_STATES:g}")
+        self.state_period = 1.0 / state_rate
         self._driver = driver
+        self._audit = Audit(driver, audit)
         self._cameras = cameras
         self._take_frame = take_frame
         self._truth = truth
@@ -93,7 +107,8 @@ class RobotNode:
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint, security, connect)
-        self._state_publisher = self._session.declare_publisher(STATE_KEY)
+        self._lease = OperatorLease(self._session)
+        self._state_publisher = declare_stream(self._session, STATE_KEY)
         self._answers = [
             self._offer(key, handler)
             for key, handler in {
@@ -134,6 +149,9 @@ class RobotNode:
                 handler(query)
             spent += time.monotonic() - begun
             self.publish_state()
+        if self._driver.moving and (gone := self._lease.lost()):
+            self._driver.reflex("operator_gone", f"{gone}; look at the cell, then acknowledge")
+        self._audit.watch()
         self.publish_state()
         return spent
 
@@ -141,7 +159,8 @@ class RobotNode:
         """Publish the state if it is time to."""
         now = time.monotonic()
         if now >= self._next_state:
-            self._next_state = now + STATE_PERIOD
+            # On a grid, so that the rate holds on average; after a pause it begins anew.
+            self._next_state = max(self._next_state + self.state_period, now)
             self._state_publisher.put(encode(self._driver.state()))
 
     def close(self) -> None:
@@ -182,21 +201,31 @@ class RobotNode:
                 f"the motion is meant for run '{request.epoch}' of a robot process; this is run "
                 f"'{self._driver.epoch}': connect again and look at the scene anew",
             )
-        answer(query, self._driver.submit(request.trajectory(), request.certificate_or_none(), request.speed))
-        self._session.put(EXECUTING_KEY, encode(request))
+        certificate = request.certificate_or_none()
+        with self._audit.asking("trajectory", serial=certificate and certificate.serial) as note:
+            if not self._driver.moving:  # a motion under way says itself that the robot is busy
+                note["operator"] = self._lease.take(request.operator)
+            accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
+        answer(query, accepted)
+        assert query.payload is not None
+        self._session.put(EXECUTING_KEY, query.payload.to_bytes())
 
     def _answer_stop(self, query: zenoh.Query) -> None:
-        read_request(query, StopRequest)
-        self._driver.stop()
+        request = read_request(query, StopRequest)
+        self._driver.stop()  # first of all, and whether or not it can be written down
+        self._audit.note("stop", reason=request.reason)
         answer(query, self._driver.state())
 
     def _answer_speed(self, query: zenoh.Query) -> None:
-        self._driver.set_speed(read_request(query, SpeedRequest).speed)
+        speed = read_request(query, SpeedRequest).speed
+        with self._audit.asking("speed", speed=speed):
+            self._driver.set_speed(speed)
         answer(query, self._driver.state())
 
     def _answer_acknowledge(self, query: zenoh.Query) -> None:
         read_request(query, AcknowledgeRequest)
-        self._driver.acknowledge()
+        with self._audit.asking("acknowledge"):
+            self._driver.acknowledge()
         answer(query, self._driver.state())
 
     def _answer_result(self, query: zenoh.Query) -> None:

@@ -12,8 +12,9 @@ from contextlib import contextmanager
 from control.errors import ConfigError
 from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
+from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
-from hw_interface.node import STATE_PERIOD, RobotNode
+from hw_interface.node import STATE_RATE, RobotNode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
@@ -90,11 +91,13 @@ def serve_robot(
     frame_truth: Callable[[str], FrameTruth] | None = None,
     security: LinkSecurity | None = None,
     connect: bool = False,
+    state_rate: float = STATE_RATE,
 ) -> None:
     """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.
 
     Args:
-        driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect: As in `RobotNode`.
+        driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect, state_rate: As in
+            `RobotNode`.
         speed: As in `run_loop`.
         leash: When to end.
 
@@ -103,7 +106,17 @@ def serve_robot(
         RobotGoneError: There is no router to join.
     """
     with leash.signals():
-        node = RobotNode(driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect)
+        node = RobotNode(
+            driver,
+            cameras,
+            take_frame,
+            endpoint,
+            truth=truth,
+            frame_truth=frame_truth,
+            security=security,
+            connect=connect,
+            state_rate=state_rate,
+        )
         try:
             announce(node, driver)
             run_loop(driver, node, leash, speed)
@@ -111,7 +124,7 @@ def serve_robot(
             node.close()
 
 
-def announce(node: RobotNode, driver: Driver) -> None:
+def announce(node: RobotNode, driver: LatchedRobot) -> None:
     """Print the one line that tells a parent process that the robot is ready: JSON with endpoint and pid."""
     line = {"ready": True, "endpoint": node.endpoint, "pid": os.getpid(), "cell": driver.cell, "epoch": driver.epoch}
     print(json.dumps(line), file=sys.stdout, flush=True)
@@ -150,7 +163,8 @@ def run_loop(driver: Driver, node: RobotNode, leash: Leash, speed: float) -> Non
             driver.reflex("frozen", f"the robot process stood still for {stall:.1f} s in a motion")
         stall = 0.0
         moving = driver.moving
-        burst = BURST if moving else IDLE_BURST
+        # Whoever asks for more states also gets fresher ones.
+        burst = max(min(BURST if moving else IDLE_BURST, node.state_period), SAMPLE_TIME)
         for _ in range(round(burst / SAMPLE_TIME)):
             driver.tick()
         pace = speed if moving else 1.0
@@ -169,4 +183,4 @@ def _rest_and_tell(driver: Driver, node: RobotNode) -> None:
         driver.tick()
     until = time.monotonic() + FAREWELL_TIME
     while (left := until - time.monotonic()) > 0.0:
-        node.serve(min(left, STATE_PERIOD))
+        node.serve(min(left, node.state_period))

@@ -15,9 +15,8 @@ from hw_interface.backend import Measured
 from hw_interface.gate import Gate
 from hw_interface.messages import Mode, Trouble
 from hw_interface.motion_messages import MotionResult, Outcome
+from hw_interface.motion_record import MotionRecord
 from hw_interface.supervisor import SupervisionLimits, Supervisor
-
-TRACE_EVERY = 10  # milliseconds between two rows of a motion's record: 100 rows a second
 
 
 class PlayedMotion:
@@ -50,7 +49,7 @@ class PlayedMotion:
         supervision: SupervisionLimits,
         started: float,
     ) -> None:
-        with _refusing("too_slow"):
+        with refusing_plan("too_slow"):
             check_length(len(trajectory.q) - 1, speed)
         self._playback = Playback.of(trajectory, speed)
         if speed != 1.0:
@@ -61,12 +60,9 @@ class PlayedMotion:
         self.stop_mode: Mode = "stopped"
         self.trouble: Trouble | None = None
         self._supervisor = Supervisor(trajectory, supervision)
-        self._started = started
+        self._record = MotionRecord(serial, self.samples, started)
         self._events = list(trajectory.gripper)  # to be given
         self._row = 0  # of the playback, next to command
-        self._ticks = 0
-        self._max_tracking_error = 0.0
-        self._record: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, float, float]] = []
 
     @property
     def _last(self) -> int:
@@ -91,10 +87,7 @@ class PlayedMotion:
             measured: What the robot measures.
             tracking_error: Largest joint difference between the two in [rad].
         """
-        self._max_tracking_error = max(self._max_tracking_error, tracking_error)
-        if self._ticks % TRACE_EVERY == 0:
-            self._write_down(q_d, measured)
-        self._ticks += 1
+        self._record.observe(q_d, measured, tracking_error, self.speed)
         # While stopping the arm already does what trouble would make it do.
         if self.stopping:
             return None
@@ -103,6 +96,8 @@ class PlayedMotion:
     def next_command(self) -> tuple[np.ndarray, np.ndarray, GripperCommand | None] | None:
         """Joint positions in [rad], velocities in [rad/s] and gripper command of this millisecond; None at the end."""
         playback, row = self._playback, self._row
+        if self._supervisor.waiting and not self.stopping:
+            return playback.q[self._last], np.zeros_like(playback.qd[self._last]), None
         if row >= len(playback.q):
             return None
         command = None
@@ -124,9 +119,9 @@ class PlayedMotion:
         """
         if self.stopping:
             raise RefusedError("busy", "the robot is stopping; set the speed when it rests")
-        with _refusing("too_slow"):
+        with refusing_plan("too_slow"):
             check_length(self.samples - self.played, speed, self._last)
-        with _refusing("no_ramp"):
+        with refusing_plan("no_ramp"):
             playback = override_speed(self._playback, self._last, speed, gate.playing_limits, gate.torque)
         gate.check_limits(playback.as_trajectory())
         self._playback = playback
@@ -144,32 +139,11 @@ class PlayedMotion:
             measured: What the robot measures.
             now: Time on the robot's clock in [s].
         """
-        self._write_down(q_d, measured)
-        columns = zip(*self._record, strict=True)
-        times, commanded, q, tau, width, speed = (np.array(column, float) for column in columns)
-        return MotionResult(
-            serial=self.serial,
-            outcome=outcome,
-            trouble=self.trouble,
-            samples=self.samples,
-            played=self.played,
-            started=self._started,
-            finished=now,
-            max_tracking_error=self._max_tracking_error,
-            times=times,
-            q_d=commanded,
-            q=q,
-            tau=tau,
-            gripper_width=width,
-            speed=speed,
-        )
-
-    def _write_down(self, q_d: np.ndarray, m: Measured) -> None:
-        self._record.append((self._ticks * SAMPLE_TIME, q_d, m.q, m.tau, m.gripper_width, self.speed))
+        return self._record.result(outcome, self.trouble, self.played, q_d, measured, self.speed, now)
 
 
 @contextmanager
-def _refusing(code: str) -> Iterator[None]:
+def refusing_plan(code: str) -> Iterator[None]:
     """Turn what a plan cannot do into a refusal."""
     try:
         yield

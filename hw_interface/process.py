@@ -23,14 +23,16 @@ class SimProcess:
         endpoint: Where it listens.
         pid: Its process id.
         epoch: Identity of this run.
+        ready: All that its ready line said.
     """
 
-    def __init__(self, process: "subprocess.Popen[str]", errors: IO[bytes], endpoint: str, epoch: str) -> None:
+    def __init__(self, process: "subprocess.Popen[str]", errors: IO[bytes], ready: dict[str, object]) -> None:
         self._process = process
         self._errors = errors
-        self.endpoint = endpoint
+        self.endpoint = str(ready["endpoint"])
         self.pid = process.pid
-        self.epoch = epoch
+        self.epoch = str(ready["epoch"])
+        self.ready = ready
 
     def __enter__(self) -> "SimProcess":
         return self
@@ -85,7 +87,7 @@ def start_sim_process(command: Sequence[str], deadline: float = 60.0) -> SimProc
         raise MachineError(f"cannot start the simulated cell '{command[0]}': {error}") from error
     try:
         ready = _wait_ready(process, errors, deadline)
-        return SimProcess(process, errors, str(ready["endpoint"]), str(ready["epoch"]))
+        return SimProcess(process, errors, ready)
     except BaseException:
         _end(process)
         errors.close()

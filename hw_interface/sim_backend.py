@@ -35,7 +35,7 @@ class SimBackend:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, gripper: GripperModel = PANDA_HAND) -> None:
         self._model, self._data = model, data
-        self._finger_speed = gripper.rated_speed
+        self._rated_speed = self._finger_speed = gripper.rated_speed
         model.opt.timestep = SAMPLE_TIME
         self._servos = np.array([_id(model, "actuator", name) for name in ARM_ACTUATORS])
         self._grip = _id(model, "actuator", GRIPPER_ACTUATOR)
@@ -89,8 +89,14 @@ class SimBackend:
         mujoco.mj_step(self._model, data)
         self._watch_gripper()
 
-    def gripper(self, command: GripperCommand) -> None:
-        """Begin a gripper command."""
+    def gripper(self, command: GripperCommand, finger_speed: float | None = None) -> None:
+        """Begin a gripper command.
+
+        Args:
+            command: What to do.
+            finger_speed: Of each finger's set point in [m/s]; the rated speed if None, and at most that.
+        """
+        self._finger_speed = self._rated_speed if finger_speed is None else min(finger_speed, self._rated_speed)
         self._gripper_command = command
         self._grasping = command.kind == "grasp"
         # The servo drives one finger and the coupling shares its force: twice the force of a pad.
@@ -103,6 +109,12 @@ class SimBackend:
             # From where the fingers are: a squeezing set point is far from them.
             self._half_now = float(self._data.qpos[self._finger_q].mean())
         self._busy, self._busy_time, self._still_time = True, 0.0, 0.0
+
+    def stop_gripper(self) -> None:
+        """Have moving fingers stay where they are; a finished grasp goes on holding."""
+        if self._busy:
+            self._half_target = self._half_now = float(self._data.qpos[self._finger_q].mean())
+            self._grasping = self._busy = False
 
     def _watch_gripper(self) -> None:
         if not self._busy:

@@ -1,17 +1,14 @@
 """A simulated cell as a process: world, driver and node in one loop. It alone knows the truth of its world."""
 
 import time
-from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 
-from control.gripper import PANDA_HAND, GripperModel
-from control.limits import RobotLimits
-from control.safety import SafetyLimits
 from hw_interface.driver import Driver
 from hw_interface.gate import Gate
 from hw_interface.link_security import LinkSecurity
+from hw_interface.node import STATE_RATE
 from hw_interface.pacing import Leash, serve_robot
 from hw_interface.sim_backend import SimBackend
 from hw_interface.supervisor import SupervisionLimits
@@ -49,45 +46,36 @@ def run_sim_cell(
     world: CellWorld,
     *,
     cell_name: str,
-    profile: str,
-    limits_hash: str,
-    robot_limits: RobotLimits,
-    safety: SafetyLimits,
+    gate: Gate,
     endpoint: str = DEFAULT_ENDPOINT,
     security: LinkSecurity | None = None,
     connect: bool = False,
+    state_rate: float = STATE_RATE,
     speed: float = 1.0,
-    max_scene_age: float = 300.0,
-    torque: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None,
-    tcp: Callable[[np.ndarray], np.ndarray] | None = None,
     supervision: SupervisionLimits | None = None,
     score: bool = False,
     parent_pid: int | None = None,
     leash: Leash | None = None,
-    gripper: GripperModel = PANDA_HAND,
 ) -> None:
     """Serve a simulated cell until SIGTERM, SIGINT or the parent's death. Prints one ready line on stdout.
 
     Args:
         world: The world; this function steps it, nobody else may.
-        cell_name, profile, limits_hash: As in `RobotState`.
-        robot_limits, safety: What the driver checks every sample against.
+        cell_name: As in `RobotState`.
+        gate: What the driver checks every trajectory against; its gripper is what the robot in the world carries.
         endpoint: Where to listen; port 0 picks a free one (see the ready line). With `connect`, of the router to join.
         security, connect: As in `hw_interface.transport.open_robot_session`.
+        state_rate: States a second to publish, 1 to 1000.
         speed: Robot time per wall time while moving, 0 = as fast as possible.
-        max_scene_age: Oldest frame in [s] that a motion may have been judged on.
-        torque, tcp: Robot model for the driver's own checks, see `hw_interface.gate.Gate`.
         supervision: Where the driver stops by itself.
         score: Offer to a scorer what truly stands there and is seen.
         parent_pid: End when this process has ended.
         leash: To end the loop from elsewhere; None makes one.
-        gripper: What the robot in the world carries.
 
     Raises:
         ConfigError: Endpoint, port, speed or world are not valid.
     """
-    backend = SimBackend(world.model, world.data, gripper)
-    gate = Gate(profile, limits_hash, robot_limits, safety, max_scene_age, torque, tcp, gripper)
+    backend = SimBackend(world.model, world.data, gate.gripper)
     driver = Driver(backend, gate, cell_name, supervision)
 
     def take_frame(camera: str) -> RgbdFrame:
@@ -102,6 +90,7 @@ def run_sim_cell(
         endpoint=endpoint,
         security=security,
         connect=connect,
+        state_rate=state_rate,
         speed=speed,
         truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,

@@ -11,6 +11,7 @@ from hw_interface.messages import Trouble
 # The one trouble that is no reflex: the hand stood still, closed on nothing and holds nothing. Nothing was touched or
 # lost, so the motion ends where the arm stands and the robot stays ready.
 MISSED_GRASP = "missed_grasp"
+REST_SPEED = 1e-6  # [rad/s]; samples slower than this stand still
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class SupervisionLimits:
         contact_time: How long the force must last in [s]; shorter peaks are noise of a contact solver or sensor.
         grasp_time: How long a grasp must be gone in [s].
         gripper_width: Largest difference between asked and reached width at the end of a dwell in [m].
+        gripper_patience: How much longer than its dwell a gripper may take in [s] while the arm rests and waits for it.
     """
 
     tracking_error: float = 0.05
@@ -30,6 +32,7 @@ class SupervisionLimits:
     contact_time: float = 0.005
     grasp_time: float = 0.05
     gripper_width: float = 0.004
+    gripper_patience: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,16 @@ def expects_grasp(trajectory: Trajectory) -> np.ndarray:
 
 
 class Supervisor:
-    """Watches one motion, sample by sample."""
+    """Watches one motion, sample by sample.
+
+    Attributes:
+        waiting: Whether the arm should stay where it rests: the gripper needs longer than its dwell.
+    """
 
     def __init__(self, trajectory: Trajectory, limits: SupervisionLimits) -> None:
+        self.waiting = False
+        self._waited = 0
+        self._qd = trajectory.qd
         self._limits = limits
         self._expects_grasp = expects_grasp(trajectory)
         self._segments = trajectory.segments
@@ -79,7 +89,7 @@ class Supervisor:
             measured: What the robot measures now.
             tracking_error: Largest joint difference between the last command and the measurement in [rad].
         """
-        limits = self._limits
+        limits, self.waiting = self._limits, False
         if tracking_error > limits.tracking_error:
             return Trouble(
                 code="tracking_error",
@@ -103,13 +113,18 @@ class Supervisor:
 
     def _gripper(self, sample: int, measured: Measured) -> Trouble | None:
         while self._deadlines and self._deadlines[0].sample <= sample:
-            event = self._deadlines.pop(0).event
+            if measured.gripper_busy and self._may_wait(sample):
+                self._waited += 1
+                self.waiting = True
+                return None
+            event, self._waited = self._deadlines.pop(0).event, 0
             command, width = event.command, measured.gripper_width
             told = f"told to {command.kind} at {event.time:.2f} s"
             if measured.gripper_busy:
                 return Trouble(
                     code="gripper_late",
-                    reason=f"the gripper, {told}, is not done after its {event.dwell:g} s (width {width * 1e3:.0f} mm)",
+                    reason=f"the gripper, {told}, is not done after its {event.dwell:g} s and "
+                    f"{self._limits.gripper_patience:g} s more (width {width * 1e3:.0f} mm)",
                 )
             if command.kind == "grasp" and not measured.grasped:
                 return Trouble(
@@ -123,6 +138,13 @@ class Supervisor:
                     reason=f"the gripper, {told} to {command.width * 1e3:.0f} mm, stands at {width * 1e3:.0f} mm",
                 )
         return None
+
+    def _may_wait(self, sample: int) -> bool:
+        """Whether the arm rests at this sample and has not waited there too long."""
+        around = self._qd[max(0, sample - 1) : sample + 1]
+        return bool(
+            self._waited * SAMPLE_TIME < self._limits.gripper_patience and np.abs(around).max(initial=0.0) <= REST_SPEED
+        )
 
     def _grasp(self, sample: int, measured: Measured) -> Trouble | None:
         expected = sample < len(self._expects_grasp) and bool(self._expects_grasp[sample])

@@ -136,6 +136,15 @@ def decode(data: bytes, expected: type[M]) -> M:
         raise MessageError(where, first["msg"]) from None
 
 
+def type_of(data: bytes) -> str:
+    """Type name that these bytes give themselves.
+
+    Raises:
+        MessageError: Another version, or no envelope.
+    """
+    return str(_open(data)[0])
+
+
 def _open(data: bytes) -> tuple[object, object, memoryview]:
     """Type, sum and packed body of an envelope; the body is not copied.
 

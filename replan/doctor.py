@@ -74,7 +74,8 @@ def examine(
     """Look at everything; takes a few seconds.
 
     Args:
-        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
+        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447; or, without a
+            protocol in front, the address of a Panda's control box.
         detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
         server: Address of a language server, model or None, and environment variable of its key; None to ask none.
         link: Link file of a robot on another machine, or None.
@@ -88,7 +89,7 @@ def examine(
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
     ]
     items += [Finding("reasoner", r.name, r.here, r.detail) for r in examine_reasoners(server)]
-    items += [*_link(link), _robot(robot_endpoint, link), *_cameras(robot_endpoint, link)]
+    items += [*_link(link), *_robots(robot_endpoint, link), *_cameras(robot_endpoint, link)]
     return Findings(tuple(items))
 
 
@@ -130,6 +131,15 @@ def _link(link: Path | None) -> list[Finding]:
         Finding("link", f"{k.path.name} ({k.name})", not k.trouble, k.trouble or f"good until {k.expires:%Y-%m-%d}")
         for k in known
     ]
+
+
+def _robots(where: str, link: Path | None) -> list[Finding]:
+    """A robot process at an endpoint, or a control box and its gripper at an address."""
+    if "/" in where:
+        return [_robot(where, link)]
+    from replan.doctor_control_box import examine_control_box
+
+    return [Finding("robot", part.name, part.ok, part.detail) for part in examine_control_box(where)]
 
 
 def _robot(endpoint: str, link: Path | None) -> Finding:

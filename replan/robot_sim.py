@@ -17,34 +17,25 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     from replan.rendering import require_mujoco
 
     require_mujoco()
-    from control.certify import limits_hash
-    from control.robot import RobotModel
     from hw_interface.link_security import link_or_none
     from hw_interface.sim_cell import run_sim_cell
-    from sim_check.cells import load_cell
+    from replan.robot_gate import cell_gate
     from sim_check.world import build_world
 
     security = link_or_none(options.link)
-    cell = load_cell(options.cell, dict.fromkeys(options.option, True))
+    gate, cell = cell_gate(options.cell, options.option)
     world = build_world(cell, options.seed)
-    gripper, safety = cell.robot.gripper_model, cell.safety_limits()
-    limits, robot = cell.robot.limits(), RobotModel.panda(gripper=gripper)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
         world,
         cell_name=cell.name,
-        profile=limits.profile,
-        limits_hash=limits_hash(limits, safety, gripper),
-        robot_limits=limits,
-        safety=safety,
+        gate=gate,
         endpoint=options.connect or options.endpoint,
         security=security,
         connect=options.connect is not None,
+        state_rate=options.state_rate,
         speed=options.speed,
-        torque=robot.torque,
-        tcp=robot.tcp_poses,
         score=options.score,
         parent_pid=options.parent_pid,
-        gripper=gripper,
     )
     return 0

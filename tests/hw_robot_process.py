@@ -27,19 +27,14 @@ def run_perfect(endpoint: str, speed: float, parent: int) -> None:
 
 def run_simulated(endpoint: str, speed: float, parent: int, score: bool = True) -> None:
     """A Panda over a table with one cube below its hand, as physics has it."""
-    from control.limits import panda_limits
-    from control.safety import SafetyLimits
     from hw_interface.sim_cell import run_sim_cell
     from tests.hw_sim_world import CubeWorld
-    from tests.hw_support import LIMITS_HASH, PROFILE
+    from tests.hw_support import gate
 
     run_sim_cell(
         CubeWorld(),
         cell_name="test",
-        profile=PROFILE,
-        limits_hash=LIMITS_HASH,
-        robot_limits=panda_limits(),
-        safety=SafetyLimits(),
+        gate=gate(),
         endpoint=endpoint,
         speed=speed,
         score=score,

@@ -257,7 +257,30 @@ def test_a_gripper_that_is_not_done_in_time_stops_the_motion():
     robot.distort = lambda m: replace(m, gripper_busy=bool(robot.gripper_commands))
     serial = play(driver, PICK)
     trouble = driver.result(serial).trouble
-    assert trouble is not None and trouble.code == "gripper_late" and "not done after its 0.6 s" in trouble.reason
+    assert trouble is not None and trouble.code == "gripper_late"
+    assert "not done after its 0.6 s and 2 s more" in trouble.reason
+
+
+def test_an_arm_at_rest_waits_for_a_gripper_that_needs_longer_than_its_dwell():
+    driver, robot = perfect_driver(object_width=0.04)
+    begun: list[int] = []
+
+    def slow(m):
+        if robot.gripper_commands and not begun:
+            begun.append(len(robot.commands))
+        still_closing = len(begun) > 0 and len(robot.commands) - begun[0] < 1600
+        return replace(m, gripper_busy=still_closing or m.gripper_busy)
+
+    robot.distort = slow
+    result = driver.result(play(driver, PICK))
+    assert result.outcome == "completed" and result.played == len(PICK.q)
+    assert len(robot.commands) >= len(PICK.q) + 1000 - 5, "the clock stood still for the second that was lacking"
+    closing = np.array([q for q, _ in robot.commands[begun[0] : begun[0] + 1600]])
+    assert np.ptp(closing, axis=0).max() == 0.0
+    played = np.array([q for q, _ in robot.commands])
+    kept = np.concatenate([[True], np.any(np.diff(played, axis=0) != 0, axis=1)])
+    expected = np.concatenate([[True], np.any(np.diff(PICK.q, axis=0) != 0, axis=1)])
+    np.testing.assert_array_equal(played[kept], PICK.q[expected], err_msg="every other sample is the certified one")
 
 
 def test_an_arm_that_is_held_back_stops_with_a_tracking_error():

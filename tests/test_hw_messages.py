@@ -24,14 +24,14 @@ def envelope(kind: str, body: object, protocol: int = PROTOCOL_VERSION) -> bytes
 
 def trajectory_body() -> dict:
     motion = swing(0.1)
-    return msgpack.unpackb(encode(TrajectoryRequest.of(motion, certificate(motion), "a run")))["body"]
+    return msgpack.unpackb(encode(TrajectoryRequest.of(motion, certificate(motion), "a run", "somebody")))["body"]
 
 
 def test_a_trajectory_arrives_bit_for_bit():
     q = np.array(REST_Q) + np.array([[0.0], [0.1], [0.0]])
     motion = joined(q, [GripperCommand("grasp", 0.04, 30.0), GripperCommand("move", 0.08)], held=(None, "red_cube"))
     sent = certificate(motion)
-    received = decode(encode(TrajectoryRequest.of(motion, sent, "a run")), TrajectoryRequest)
+    received = decode(encode(TrajectoryRequest.of(motion, sent, "a run", "somebody")), TrajectoryRequest)
     assert received.trajectory().content_hash() == motion.content_hash()
     assert received.trajectory().gripper == motion.gripper
     assert received.certificate_or_none() == sent
@@ -40,7 +40,7 @@ def test_a_trajectory_arrives_bit_for_bit():
 @pytest.mark.parametrize("speed", [None, 0.3, 1.0])
 def test_a_trajectory_arrives_with_the_speed_to_play_it_at(speed: float | None):
     motion = swing(0.1)
-    request = TrajectoryRequest.of(motion, certificate(motion), "a run", speed)
+    request = TrajectoryRequest.of(motion, certificate(motion), "a run", "somebody", speed)
     assert decode(encode(request), TrajectoryRequest).speed == speed
 
 
@@ -84,7 +84,7 @@ def test_every_flipped_bit_of_a_request_is_noticed():
 
 def test_flipped_bits_of_a_trajectory_are_told_as_a_change_on_the_way():
     motion = swing(0.1)
-    data = encode(TrajectoryRequest.of(motion, certificate(motion), "a run"))
+    data = encode(TrajectoryRequest.of(motion, certificate(motion), "a run", "somebody"))
     rng = np.random.default_rng(0)
     for bit in rng.integers(8 * 1000, 8 * len(data), 200):  # behind the first kilobyte there is nothing but the body
         changed = bytearray(data)

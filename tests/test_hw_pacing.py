@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from hw_interface.node import RobotNode
+from hw_interface.node import STATE_RATE, RobotNode
 from hw_interface.pacing import FROZEN_AFTER, Leash, run_loop
 from tests.hw_support import certificate, perfect_driver, swing
 
@@ -18,6 +18,8 @@ def slow() -> None:
 
 class OneSlowAnswer:
     """A node that answers one request in the middle of a motion and ends the loop once the arm rests."""
+
+    state_period = 1.0 / STATE_RATE
 
     def __init__(self, answer, driver, leash: Leash) -> None:
         self._answer, self._driver, self._leash = answer, driver, leash

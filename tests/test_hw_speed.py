@@ -245,13 +245,13 @@ def test_a_gripper_that_needs_longer_than_its_dwell_is_in_time_when_the_motion_i
     def slow_to_finish(driver: Driver, robot: PerfectRobot) -> str:
         begun: list[int] = []
 
-        def busy_for_a_second(m):
+        def busy_for_three_seconds(m):
             if robot.gripper_commands and not begun:
                 begun.append(len(robot.commands))
-            waiting = bool(begun) and len(robot.commands) - begun[0] < 1000
+            waiting = bool(begun) and len(robot.commands) - begun[0] < 3000
             return replace(m, gripper_busy=waiting or m.gripper_busy)
 
-        robot.distort = busy_for_a_second
+        robot.distort = busy_for_three_seconds
         to_rest(driver)
         return driver.state().mode
 

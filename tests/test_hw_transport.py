@@ -212,7 +212,7 @@ def test_a_restarted_robot_is_not_taken_for_the_old_one():
 
 def test_a_motion_meant_for_an_earlier_run_of_the_robot_is_refused(robot: SimProcess, client: CellClient):
     motion = from_here(client, 0.6, 0.05)
-    late = TrajectoryRequest.of(motion, certificate(motion), epoch="of yesterday")
+    late = TrajectoryRequest.of(motion, certificate(motion), epoch="of yesterday", operator="somebody")
     session = transport.open_client_session(robot.endpoint)
     try:
         with pytest.raises(RefusedError, match=r"meant for run 'of yesterday' .*this is run .*connect again") as caught:

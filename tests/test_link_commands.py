@@ -18,7 +18,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("commands")
     done = replan("security", "init", "keys", "--host", "127.0.0.1", "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
-    roles = ("robot", "router", "camera", "operator", "viewer")
+    roles = ("robot", "router", "camera", "operator", "viewer", "ros2")
     assert json.loads(done.stdout)["links"] == [f"keys/{role}.yaml" for role in roles]
     return folder / "keys"
 

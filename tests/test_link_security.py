@@ -5,6 +5,7 @@ import socket
 import stat
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,7 +90,7 @@ def test_a_viewer_that_calls_itself_operator_has_no_more_rights(keys: Path, robo
         assert client.state().mode == "idle"
 
 
-@pytest.mark.parametrize("role", ["viewer", "camera", "operator"])
+@pytest.mark.parametrize("role", ["viewer", "camera", "operator", "ros2"])
 def test_nobody_but_the_robot_can_publish_states_or_answer_for_it(keys: Path, robot: str, role):
     heard: list[bytes] = []
     with CellClient.connect(robot, security=link(keys, "operator")) as client:
@@ -123,6 +124,32 @@ def test_a_camera_shows_its_pictures_and_nothing_else(keys: Path, robot: str):
             assert list(session.get(key, payload=b"", timeout=2.0)) == []
     finally:
         session.close()
+
+
+def test_topics_of_ros_2_reach_ros_2_alone_and_it_cannot_move_the_robot(keys: Path, robot: str):
+    with ExitStack() as stack:
+
+        def session(role):
+            opened = transport.open_client_session(robot, security=link(keys, role))
+            stack.callback(opened.close)
+            return opened
+
+        view, bridge, viewer = session("ros2"), session("ros2"), session("viewer")
+        heard: dict[str, list[str]] = {"bridge": [], "viewer": [], "states": []}
+        announcement = "@/0a1b/@ros2_lv/MP/joint_states/sensor_msgs§msg§JointState/:1:0:0,10"
+        token = view.liveliness().declare_token(announcement)
+        bridge.declare_subscriber("joint_states", lambda s: heard["bridge"].append(str(s.key_expr)))
+        viewer.declare_subscriber("joint_states", lambda s: heard["viewer"].append(str(s.key_expr)))
+        view.declare_subscriber(transport.STATE_KEY, lambda s: heard["states"].append(str(s.key_expr)))
+        time.sleep(0.2)
+        assert until(lambda: view.put("joint_states", b"a message") or len(heard["bridge"]) > 5)
+        assert until(lambda: len(heard["states"]) > 3)
+        assert heard["viewer"] == []
+        announced = bridge.liveliness().get("@/*/@ros2_lv/**", timeout=2.0)
+        assert [str(s.ok.key_expr) for s in announced if s.ok] == [announcement]
+        token.undeclare()
+        for key in (transport.STOP_KEY, transport.SPEED_KEY, transport.TRAJECTORY_KEY, transport.ACKNOWLEDGE_KEY):
+            assert list(bridge.get(key, payload=b"", timeout=2.0)) == []
 
 
 def refusal(endpoint: str, security) -> str:
@@ -237,7 +264,7 @@ def test_a_link_file_that_cannot_be_right_is_refused_by_key(keys: Path, tmp_path
 def test_rights_are_as_the_guide_says():
     may = {key: [role for role in ROLES if may_ask(role, f"cell/{key}")] for key in ("info", "stop", "trajectory")}
     assert may == {
-        "info": ["robot", "camera", "operator", "viewer"],
+        "info": ["robot", "camera", "operator", "viewer", "ros2"],
         "stop": ["robot", "operator", "viewer"],
         "trajectory": ["robot", "operator"],
     }

@@ -19,9 +19,9 @@ COMMANDS = {
     "record": Record,
     "robot": Robot,
     "camera": Camera,
-    "ros2": Ros2,
     "router": Router,
     "security": Security,
+    "ros2": Ros2,
     "doctor": Doctor,
     "bench": Bench,
 }

@@ -191,9 +191,45 @@ class BenchVerdicts:
 
 
 @dataclass(frozen=True)
+class BenchResearchInterface:
+    """Motions through the real libfranka on the simulated control box: validated ones, ones with one limit broken each,
+    and planned paths that were not retimed; which are aborted, and by what name.
+    """
+
+    runs: int = 100
+    """Motions of each of the three kinds."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.research_interface", "--runs", str(self.runs)]
+        return _call([*command, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
+class BenchTransport:
+    """How soon a motion is accepted by the robot's process, how late states are and whether any is lost, pictures a
+    second: on the machine as it is, and while all its cores compute.
+    """
+
+    seconds: float = 60.0
+    """Of states."""
+    rate: float = 1000.0
+    """States a second."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code, 1 when a state was lost."""
+        command = [sys.executable, "-m", "benchmarks.transport", "--seconds", str(self.seconds)]
+        return _call([*command, "--rate", str(self.rate), *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
-    verdicts.
+    verdicts, the control box, transport.
     """
 
     name: tyro.conf.OmitSubcommandPrefixes[
@@ -207,6 +243,8 @@ class Bench:
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
             | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
             | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]
+            | Annotated[BenchTransport, tyro.conf.subcommand("transport")]
+            | Annotated[BenchResearchInterface, tyro.conf.subcommand("research-interface")]
         ]
     ]
 

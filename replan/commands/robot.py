@@ -1,10 +1,10 @@
-"""`replan robot sim|play|speed|acknowledge`: processes and acts on the robot's side."""
+"""`replan robot sim|panda|research-interface|play|speed|acknowledge`: processes and acts on the robot's side."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -33,6 +33,8 @@ class RobotSim:
     """Join the router at this endpoint (`replan router`) instead of listening."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    state_rate: float = 70.0
+    """States a second to publish, at most 1000."""
     speed: float = 1.0
     """Pace in times real time while moving; 0 is as fast as it goes."""
     score: bool = False
@@ -47,6 +49,82 @@ class RobotSim:
         from replan.robot_sim import serve_simulated_cell
 
         return serve_simulated_cell(self, console.note)
+
+
+@dataclass(frozen=True)
+class RobotPanda:
+    """Offer a real Panda: connect to its control box and play what has a certificate, and nothing else.
+
+    This process supervises; it starts a player, which alone talks to the control box, and a process for the gripper.
+    Whatever dies or freezes, the arm comes to rest on its path and stays until a person acknowledges
+    (`replan robot acknowledge`). A stop by software is no emergency stop: keep the user stop in reach.
+    """
+
+    address: str
+    """Host name or IP of the control box, for instance 172.16.0.2."""
+    cell: str = "cubes"
+    """Built-in cell or a cell file (YAML): its robot, safety table and gripper."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on; may be repeated."""
+    endpoint: str = DEFAULT_ENDPOINT
+    """Where to listen: tcp/ within this machine, or tls/HOST:PORT with --link."""
+    connect: str | None = None
+    """Join the router at this endpoint (`replan router`) instead of listening."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    state_rate: float = 70.0
+    """States a second to publish, at most 1000."""
+    gripper_address: str | None = None
+    """Where a Robotiq gripper answers: a serial port (/dev/ttyUSB0) or HOST:PORT. A Franka Hand is at the box."""
+    audit_log: Path = Path("runs/robot/audit.jsonl")
+    """File to which every request, motion, stop and acknowledgement is appended; no motion without it."""
+    realtime: Literal["auto", "enforce", "ignore"] = "auto"
+    """Whether this machine's kernel must be real-time; auto: where it is one, its priorities are used."""
+    lockstep_patience: float = 0.0
+    """For a simulated box in lockstep only: wall time in seconds that its clock may wait for this machine."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the ready line as JSON."""
+
+    def execute(self, console: Console) -> int:
+        """Run until told to stop."""
+        console.note(f"connecting to the control box at {self.address}")
+        from replan.robot_panda import serve_panda
+
+        return serve_panda(self, console.note)
+
+
+@dataclass(frozen=True)
+class RobotResearchInterface:
+    """Start a simulated Panda behind its own protocol: a control box that libfranka connects to as to a real one.
+
+    It listens on the ports 1337 (robot) and 1338 (Franka's hand) of its address and runs until Ctrl-C.
+    """
+
+    cell: str = "cubes"
+    """Built-in cell or a cell file (YAML) that the robot stands in."""
+    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """Switch of the cell to turn on; may be repeated."""
+    seed: int = 0
+    """Seed of the placement of objects."""
+    address: str = "127.0.0.1"
+    """Address to listen at; another one of 127.0.0.0/8 for each box on this machine."""
+    pace: Literal["real-time", "lockstep"] = "real-time"
+    """Real time as a real robot, or lockstep: a motion advances by the client's commands, however long they take."""
+    control_port: int | None = None
+    """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
+    endpoint: str | None = None
+    """Also offer the cell's cameras to the robot process or router at this endpoint (tcp/...) once it is there."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the ready line as JSON."""
+
+    def execute(self, console: Console) -> int:
+        """Run until told to stop."""
+        console.note(f"simulated control box in cell {self.cell}, seed {self.seed}: building its world")
+        from replan.research_interface import serve_research_interface
+
+        return serve_research_interface(self, console.note)
 
 
 @dataclass(frozen=True)
@@ -149,11 +227,15 @@ class RobotSpeed:
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot's side: start a simulated cell, play a certified trajectory, set the speed, acknowledge a stop."""
+    """The robot's side: a simulated cell or control box, a real Panda, playing a certified trajectory, its speed,
+    acknowledging a stop.
+    """
 
     which: tyro.conf.OmitSubcommandPrefixes[
         tyro.conf.OmitArgPrefixes[
             Annotated[RobotSim, tyro.conf.subcommand("sim")]
+            | Annotated[RobotPanda, tyro.conf.subcommand("panda")]
+            | Annotated[RobotResearchInterface, tyro.conf.subcommand("research-interface")]
             | Annotated[RobotPlay, tyro.conf.subcommand("play")]
             | Annotated[RobotSpeed, tyro.conf.subcommand("speed")]
             | Annotated[RobotAcknowledge, tyro.conf.subcommand("acknowledge")]

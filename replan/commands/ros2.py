@@ -26,7 +26,7 @@ class Ros2:
     robot: str = DEFAULT_ENDPOINT
     """Endpoint of the robot process or router, or tls/HOST:PORT with --link."""
     link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    """Link file with this machine's certificates, of role ros2, for tls/ endpoints (docs/security.md)."""
     listen: str | None = None
     """Endpoint to offer the topics at, for instance tcp/127.0.0.1:7450, which keeps ROS 2's side away from the robot's
     own messages. Default: the robot's endpoint."""

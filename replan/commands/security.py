@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SecurityInit:
-    """Make an authority, and key, certificate and link file of each role: robot, router, camera, operator, viewer.
+    """Make an authority, and keys, certificate and link file for robot, router, camera, operator, viewer and ros2.
 
     Nothing is ever overwritten. Copy to each machine only the files of its role and ca.pem; keep ca-key.pem away from
     all of them (docs/security.md).

@@ -1,0 +1,65 @@
+"""What a supervisor needs of a gripper that moves by itself: begin a command, see how it stands."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from control.trajectory import GripperCommand
+
+
+@dataclass(frozen=True)
+class HandReading:
+    """How a gripper stands.
+
+    Attributes:
+        width: Distance between the pads in [m].
+        busy: Whether a command is under way.
+        grasped: Whether it holds something.
+        fault: What is wrong with it, in words; None while all is well.
+        connecting: Whether it is being connected to, which is a fault until it is.
+    """
+
+    width: float
+    busy: bool
+    grasped: bool
+    fault: str | None = None
+    connecting: bool = False
+
+
+class Hand(Protocol):
+    """A gripper that takes one command at a time."""
+
+    def read(self) -> HandReading:
+        """How it stands, as known now; never waits."""
+        ...
+
+    def begin(self, command: GripperCommand) -> None:
+        """Begin a command; never waits. `read().busy` is true until it is over."""
+        ...
+
+    def restart(self) -> None:
+        """Begin to connect anew after a fault, when a person acknowledged; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class NoHand:
+    """The place of a gripper on an arm without one: stands open, refuses nothing, holds nothing."""
+
+    def __init__(self, opening: float) -> None:
+        self._opening = opening
+
+    def read(self) -> HandReading:
+        """Open and empty."""
+        return HandReading(self._opening, False, False)
+
+    def begin(self, command: GripperCommand) -> None:
+        """Nothing happens."""
+
+    def restart(self) -> None:
+        """Nothing to connect to."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""

@@ -1,0 +1,197 @@
+"""A gripper in a process of its own, as the supervisor sees it: its library may block or hang, the supervisor never."""
+
+import mmap
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Pipe
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from control.errors import MachineError
+from control.trajectory import GripperCommand
+from hw_interface.errors import MessageError
+from hw_interface.messages import Refusal
+from hw_interface.panda.hand import Hand, HandReading
+from hw_interface.panda.link import Link
+from hw_interface.wire import Message
+
+CONNECT_TIMEOUT = 15.0  # [s]
+SILENT = 3.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
+TURN = 0.005  # [s]
+_STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8")])
+
+
+class HandReady(Message):
+    """The gripper answered."""
+
+    type_name: ClassVar[str] = "hand_ready"
+
+
+class HandOrder(Message):
+    """A gripper command and its ordinal number, from 1."""
+
+    type_name: ClassVar[str] = "hand_order"
+    number: int
+    kind: Literal["move", "grasp"]
+    width: float
+    force: float
+
+
+class HandFault(Message):
+    """What is wrong with the gripper."""
+
+    type_name: ClassVar[str] = "hand_fault"
+    reason: str
+
+
+KINDS = (HandReady, HandOrder, HandFault, Refusal)
+
+
+class HandProcess:
+    """The supervisor's side: a `Hand`.
+
+    Args:
+        command: Program and arguments of the process; `--link-fd N --board-fd N` are added.
+        clock: Monotonic clock in [s].
+
+    Raises:
+        MachineError: The gripper does not answer.
+    """
+
+    def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
+        self._command, self._clock = tuple(command), clock
+        self._start()
+        while not self._ready and self._fault is None:
+            self._hear(0.1)
+        if self._fault is not None:
+            self.close()
+            raise MachineError(f"the gripper is not ready: {self._fault}")
+
+    def _start(self) -> None:
+        ours, theirs = Pipe()
+        self._descriptor = os.memfd_create("replan-hand", os.MFD_CLOEXEC)
+        os.ftruncate(self._descriptor, _STATE.itemsize)
+        self._state = np.frombuffer(mmap.mmap(self._descriptor, _STATE.itemsize), _STATE, 1)
+        self._link = Link(ours, KINDS)
+        self._number, self._fault = 0, None
+        arguments = ["--link-fd", str(theirs.fileno()), "--board-fd", str(self._descriptor)]
+        self._process = subprocess.Popen(
+            [*self._command, *arguments],
+            stdin=subprocess.DEVNULL,
+            pass_fds=(theirs.fileno(), self._descriptor),
+            start_new_session=True,
+        )
+        theirs.close()
+        self.pid = self._process.pid
+        self._ready, self._give_up = False, self._clock() + CONNECT_TIMEOUT
+
+    def _hear(self, wait: float) -> None:
+        """Take in what the process says, waiting up to `wait` seconds for it."""
+        try:
+            message = self._link.receive(wait)
+        except (EOFError, OSError):
+            self._fault = self._fault or "the gripper's process has ended"
+            return
+        except MessageError as error:
+            self._fault = str(error)
+            return
+        if isinstance(message, HandReady):
+            self._ready, self._turns = True, (0, self._clock())
+        elif isinstance(message, HandFault | Refusal):
+            self._fault = message.reason
+        elif not self._ready and self._clock() > self._give_up:
+            self._fault = f"the gripper does not answer within {CONNECT_TIMEOUT:g} s"
+
+    def read(self) -> HandReading:
+        """How it stands, as known now."""
+        state = self._state
+        busy = int(state["done"][0]) < self._number
+        if self._fault is None:
+            self._hear(0.0)
+        fault = self._fault or self._new_fault()
+        connecting = self._fault is None and not self._ready
+        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault, connecting)
+
+    def begin(self, command: GripperCommand) -> None:
+        """Begin a command."""
+        self._number += 1
+        order = HandOrder(
+            number=self._number, kind=command.kind, width=float(command.width), force=float(command.force)
+        )
+        try:
+            self._link.send(order)
+        except OSError:
+            self._fault = "the gripper's process has ended"
+
+    def restart(self) -> None:
+        """End the process and start it again; until it is connected, `read` tells of a fault."""
+        self.close()
+        self._start()
+
+    def close(self) -> None:
+        """End the process."""
+        self._link.close()
+        try:
+            self._process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            os.kill(self.pid, signal.SIGKILL)
+            self._process.wait()
+        os.close(self._descriptor)
+
+    def _new_fault(self) -> str | None:
+        if not self._ready:
+            return "the gripper is being connected to"
+        now, turns = self._clock(), int(self._state["alive"][0])
+        if turns != self._turns[0]:
+            self._turns = (turns, now)
+        if self._process.poll() is not None:
+            self._fault = "the gripper's process has ended"
+        elif now - self._turns[1] > SILENT:
+            self._fault = f"the gripper has not answered for {now - self._turns[1]:.1f} s"
+        return self._fault
+
+
+def serve_hand(connect: Callable[[], Hand], link: Link, descriptor: int, gone: Callable[[], bool]) -> int:
+    """The process's side: connect, then carry out what is ordered until the supervisor is gone; returns an exit code.
+
+    Args:
+        connect: Connects to the gripper. Raises MachineError when it does not answer.
+        link, descriptor: Pipe and memory, both inherited.
+        gone: Whether the supervisor's process is gone.
+    """
+    state = np.frombuffer(mmap.mmap(descriptor, _STATE.itemsize), _STATE, 1)
+    try:
+        hand = connect()
+    except MachineError as error:
+        link.send(Refusal(code="not_ready", reason=str(error)[:2000]))
+        return 1
+    number, told = 0, False
+
+    def look() -> HandReading:
+        reading = hand.read()
+        state["width"], state["grasped"] = reading.width, reading.grasped
+        if not reading.busy:
+            state["done"] = number
+        state["alive"] += np.uint64(1)
+        return reading
+
+    look()
+    link.send(HandReady())
+    while not gone():
+        try:
+            order = link.receive(TURN)
+            if isinstance(order, HandOrder):
+                hand.begin(GripperCommand(order.kind, order.width, order.force))
+                number = order.number
+            fault = look().fault
+            if fault is not None and not told:
+                told = True
+                link.send(HandFault(reason=fault[:2000]))
+        except (EOFError, OSError):
+            break
+    hand.close()
+    return 0

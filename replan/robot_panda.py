@@ -1,0 +1,73 @@
+"""The supervisor of a real Panda as a process."""
+
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+STILL_LOCKSTEP = 1.5  # [s] of wall time
+
+if TYPE_CHECKING:
+    from replan.commands.robot import RobotPanda
+
+
+def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
+    """Connect to the control box and serve until told to stop; returns the exit code.
+
+    Raises:
+        ConfigError: Unknown cell, port in use, no audit log, a link file or endpoint that is not valid.
+        MachineError, RobotGoneError: The control box or the gripper is not ready, or there is no router to join.
+    """
+    from hw_interface.audit_log import AuditLog
+    from hw_interface.link_security import link_or_none
+    from hw_interface.node import RobotNode
+    from hw_interface.pacing import Leash, announce
+    from hw_interface.panda.driver import PandaDriver
+    from hw_interface.panda.hand_process import HandProcess
+    from hw_interface.panda.player_process import STILL_MOVING, PlayerProcess
+    from hw_interface.panda.serve import supervise
+    from replan.robot_gate import cell_gate
+
+    security = link_or_none(options.link)
+    gate, cell = cell_gate(options.cell, options.option)
+    audit = AuditLog(options.audit_log)
+    address = options.address if options.gripper_address is None else options.gripper_address
+    hand_command = [sys.executable, "-m", "replan.panda_hand", "--address", address, "--gripper", gate.gripper.name]
+    player_command = [sys.executable, "-m", "replan.panda_player", "--address", options.address, "--cell", options.cell]
+    player_command += ["--realtime", options.realtime, "--patience", str(options.lockstep_patience)]
+    for name in options.option:
+        player_command += ["--option", name]
+    leash = Leash(options.parent_pid)
+    with leash.signals():
+        # Where robot time waits for this machine, a player that is slow is no danger.
+        still = STILL_MOVING if options.lockstep_patience == 0.0 else STILL_LOCKSTEP
+        hand = HandProcess(hand_command)
+        try:
+            driver = PandaDriver(lambda: PlayerProcess(player_command, still), hand, gate, cell.name)
+        except BaseException:
+            hand.close()
+            raise
+        try:
+            node = RobotNode(
+                driver,
+                (),
+                _no_picture,
+                options.connect or options.endpoint,
+                security=security,
+                connect=options.connect is not None,
+                state_rate=options.state_rate,
+                audit=audit,
+            )
+            try:
+                announce(node, driver)
+                say(f"the Panda at {options.address} is '{driver.mode}'; Ctrl-C brings it to rest and ends")
+                supervise(driver, node, leash)
+            finally:
+                node.close()
+        finally:
+            driver.close()
+            audit.close()
+    return 0
+
+
+def _no_picture(camera: str):
+    raise LookupError(camera)  # a node without cameras is never asked
