@@ -50,7 +50,7 @@ class _Right:
 _FROM: Mapping[Role, tuple[_Right, ...]] = {
     "robot": (_Right(_ALL, _EVERYTHING),),
     "camera": (
-        _Right(_ANSWER, ("cell/frame/**",)),
+        _Right(_ANSWER, ("cell/frame/**", "cell/camera_health/**")),
         _Right(_BE_SEEN, ("cell/camera/**",)),
         _Right(_PUBLISH, ("cell/camera_health/**",)),
         # A camera on the hand moves with the arm, and pictures are stamped on the robot's clock.

@@ -106,11 +106,6 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
 
 
 def _check(options: Ros2Options) -> None:
-    if options.link is not None and options.listen is None:
-        raise ConfigError(
-            "over a link with certificates only the cell's own messages pass; say --listen tcp/127.0.0.1:7450 and "
-            "connect ROS 2's side there"
-        )
     if not options.camera_rate >= 0.0:
         raise ConfigError(
             f"--camera-rate {options.camera_rate:g} is not valid; it is frames a second, 0 for no pictures"

@@ -1,5 +1,6 @@
 """A camera process: fresh pictures only, on the robot's clock, from where the camera was; numbers; and how it ends."""
 
+import datetime
 import os
 import signal
 import subprocess
@@ -17,21 +18,26 @@ import yaml
 
 from control.errors import ConfigError, RefusedError
 from control.gripper import PANDA_HAND
-from control.limits import REST_Q
 from control.robot import RobotModel
 from hw_interface.cameras.capture import Capture
 from hw_interface.cameras.mounting import ArmStates, FixedMounting, WristMounting
 from hw_interface.cameras.service import CameraService
 from hw_interface.cameras.source import CameraSource
-from hw_interface.client import CellClient
+from hw_interface.client import CellClient, Progress
 from hw_interface.errors import CameraGoneError
+from hw_interface.link_keys import make_keys
+from hw_interface.link_security import LinkSecurity
+from hw_interface.messages import RobotState
 from hw_interface.process import SimProcess
-from hw_interface.transport import open_client_session
+from hw_interface.transport import STATE_KEY, open_client_session
+from hw_interface.wire import decode
+from perception.frames import RgbdFrame
 from perception.recordings import save_npz
 from replan.camera_process import CameraOptions, serve_device
 from replan.doctor import examine
 from tests.camera_doubles import LiveSource, SteeredSource, picture
-from tests.hw_support import certificate, from_here, robot_process, until
+from tests.hw_support import certificate, from_here, robot_process, robot_thread, until
+from tests.link_certificates import link
 from tests.test_ros2 import CELL
 
 PLACE = np.array([[1.0, 0, 0, 0.1], [0, 1.0, 0, 0.2], [0, 0, 1.0, 0.3], [0, 0, 0, 1.0]])
@@ -54,15 +60,17 @@ def capturing(source: CameraSource, max_age: float = 0.5) -> Iterator[Capture]:
 
 
 @contextmanager
-def served(endpoint: str, source: CameraSource, mounting=None, **options) -> Iterator[CameraService]:
+def served(
+    endpoint: str, source: CameraSource, mounting=None, security: LinkSecurity | None = None, **options
+) -> Iterator[CameraService]:
     """A camera service on a thread of this process."""
-    session = open_client_session(endpoint)
+    session = open_client_session(endpoint, security=security)
     service = CameraService(session, "wrist", source, mounting or FixedMounting(PLACE), **options)
     ended = threading.Event()
     thread = threading.Thread(target=service.run, args=(ended.is_set,))
     thread.start()
     try:
-        with CellClient.connect(endpoint) as client:
+        with CellClient.connect(endpoint, security=security) as client:
             assert until(lambda: "wrist" in client.cameras())
         yield service
     finally:
@@ -189,31 +197,47 @@ def test_a_camera_on_the_hand_is_where_the_hand_was_when_it_was_exposed(robot: S
     base = np.eye(4)
     base[:3, 3] = [0.5, 0.0, 0.0]
     session = open_client_session(robot.endpoint)
+    states: list[RobotState] = []
+    session.declare_subscriber(STATE_KEY, lambda s: states.append(decode(s.payload.to_bytes(), RobotState)))
     mounting = WristMounting(session, PANDA_HAND, base, PLACE)
-    seen, states = [], []
-    with served(robot.endpoint, LiveSource(), mounting), CellClient.connect(robot.endpoint) as client:
+    seen: list[RgbdFrame] = []
+    with (
+        served(robot.endpoint, LiveSource(), mounting),
+        CellClient.connect(robot.endpoint) as client,
+        CellClient.connect(robot.endpoint) as eye,
+    ):
         motion = from_here(client, 1.0, 0.4)
-        with CellClient.connect(robot.endpoint) as eye:
 
-            def look(progress) -> None:
-                states.append((progress.state.stamp, progress.state.q))
-                if len(states) % 15 == 5:
-                    seen.append(eye.frames(["wrist"])[0])
+        def look(progress: Progress) -> None:
+            if len(seen) < 1 + progress.played // 150:
+                seen.append(eye.frames(["wrist"])[0])
 
-            assert client.execute(motion, certificate(motion), look).completed
+        assert client.execute(motion, certificate(motion), look).completed
     session.close()
     assert len(seen) >= 3
     model = RobotModel.panda()
-    hand_T_tcp = np.linalg.inv(mounting._robot.tcp_pose(np.array(REST_Q))) @ model.tcp_pose(np.array(REST_Q))
-    stamps = np.array([s for s, _ in states])
-    q = np.array([q for _, q in states])
+    hand_T_tcp = np.eye(4)
+    hand_T_tcp[2, 3] = 0.1034  # of the Panda's hand, by its description
+    stamps, q = np.array([s.stamp for s in states]), np.array([s.q for s in states])
     for frame in seen:
-        if stamps[0] <= frame.stamp <= stamps[-1]:
-            at = np.array([np.interp(frame.stamp, stamps, column) for column in q.T])
-            expected = base @ model.tcp_pose(at) @ np.linalg.inv(hand_T_tcp) @ PLACE
-            assert np.abs(frame.world_T_camera - expected)[:3, 3].max() < 2e-3
+        at = np.array([np.interp(frame.stamp, stamps, column) for column in q.T])
+        expected = base @ model.tcp_pose(at) @ np.linalg.inv(hand_T_tcp) @ PLACE
+        assert np.abs(frame.world_T_camera - expected).max() < 1e-6
     moved = [f.world_T_camera[:3, 3] for f in seen]
     assert np.linalg.norm(moved[-1] - moved[0]) > 0.01, "it moved with the hand"
+
+
+def test_a_camera_of_another_computer_has_the_rights_that_it_needs(tmp_path: Path):
+    make_keys(tmp_path, ("127.0.0.1",), 90, datetime.datetime.now(datetime.UTC))
+    with (
+        robot_thread("tls/127.0.0.1:0", link(tmp_path, "robot")) as endpoint,
+        served(endpoint, LiveSource(), security=link(tmp_path, "camera")) as service,
+        CellClient.connect(endpoint, security=link(tmp_path, "viewer")) as client,
+    ):
+        assert client.frames(["wrist"])[0].camera == "wrist"
+        (health,) = client.camera_health()
+        assert health.camera == "wrist" and health.clock_uncertainty is not None
+        assert service.clock.jumps == 0
 
 
 def test_what_a_camera_says_of_itself_is_published_and_in_the_report_on_this_machine(robot: SimProcess):

@@ -405,8 +405,6 @@ def test_a_killed_recording_is_read_up_to_its_last_chunk(robot: SimProcess, cell
 def test_wrong_options_and_another_cell_are_named(robot: SimProcess, tmp_path: Path):
     with pytest.raises(ConfigError, match=r"--camera-rate -1 is not valid"):
         show_ros2(Ros2Options("tcp/127.0.0.1:1", camera_rate=-1.0), print)
-    with pytest.raises(ConfigError, match=r"only the cell's own messages pass; say --listen tcp/127.0.0.1:7450"):
-        show_ros2(Ros2Options("tls/127.0.0.1:1", link=tmp_path / "link.yaml"), print)
     with pytest.raises(ConfigError, match=r"--domain 500 is not valid; ROS_DOMAIN_ID is 0 to 232"):
         show_ros2(Ros2Options("tcp/127.0.0.1:1", domain=500), print)
     with pytest.raises(ConfigError, match=r"--namespace 'a b' is not valid"):
