@@ -86,7 +86,11 @@ class Player:
     def run(self) -> None:
         """Serve until the supervisor is gone. The arm rests then: every clearance ends at rest."""
         while not self._gone():
-            self._read_state()
+            try:
+                self._read_state()
+            except Exception as error:  # libfranka's own kinds
+                LOG.error("the connection to the control box broke: %s", " ".join(str(error).split()))
+                return
             try:
                 self._serve()
             except (EOFError, OSError):
@@ -227,6 +231,8 @@ class Player:
             why = "it is for another part"
         else:
             why = cleared.accept(order.clearance, row)
+        if why not in (None, "late"):
+            LOG.error("a clearance was refused: %s", why)
         self._board.tell_order(order.sequence, why)
 
     def _announce(self, part: Part) -> None:
