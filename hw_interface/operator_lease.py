@@ -23,7 +23,7 @@ BEAT_KEY = "cell/operator_beat"  # followed by /<identity>; the payload is empty
 BEAT_PERIOD = 0.2  # [s]
 BEAT_LEASE = 1.5  # [s] without a beat; a program may well compute for a second without letting another thread run
 OWN_PAUSE = 0.5  # [s] between two looks of the robot side after which the silence in between does not count
-TOKEN_TIMEOUT = 0.3  # [s] for the answer to whether an unknown operator is there
+TOKEN_TIMEOUT = 2.0  # [s] for the answer to whether an unknown operator is there
 
 
 class OperatorLease:
