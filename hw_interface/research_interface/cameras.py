@@ -80,6 +80,7 @@ class LateCameras:
         self._thread.join()
 
     def _keep_offering(self) -> None:
+        said = ""
         while not self._ended.is_set():
             try:
                 session = open_client_session(self._endpoint, CONNECT_TIMEOUT)
@@ -89,7 +90,9 @@ class LateCameras:
             try:
                 self._offer(session)
             except StackError as error:
-                self._say(f"cameras not offered: {error}")
+                if str(error) != said:
+                    said = str(error)
+                    self._say(f"cameras not offered: {said}")
                 self._ended.wait(RETRY)
             finally:
                 session.close()
@@ -97,6 +100,8 @@ class LateCameras:
     def _offer(self, session: zenoh.Session) -> None:
         """Offer until the robot process goes or this ends; a router without a robot counts as there."""
         self._lost.clear()
+        if self._ended.is_set():  # it was for this that it was set
+            return
         watch = session.liveliness().declare_subscriber(ALIVE_KEY, self._robot_changed)
         node = CameraNode(session, self._cameras, self._take_frame)
         scoring = None if self._truth is None else session.declare_queryable(TRUTH_KEY, self._scorers.put)
