@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from control.errors import ConfigError, GoalError
+from control.errors import ConfigError, GoalError, MachineError
 from perception.options import PerceptionOptions
 from planning.baselines import METHODS
 from planning.reasoners import ReasonerOptions
@@ -218,6 +218,7 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             if options.mcap:
                 say = _recorded(episode, client, cell, security, say, stack)
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
+            _check_cameras(client, [c.name for c in cell.cameras])
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
             if on_client:
@@ -309,6 +310,22 @@ def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, prof
             why = state.last_error.reason if state.last_error else "stopped on request"
             raise ConfigError(f"the robot is '{state.mode}' ({why}); look at the cell, then say --acknowledge")
         client.acknowledge()
+
+
+def _check_cameras(client: "CellClient", wanted: list[str]) -> None:
+    """Refuse to begin without a camera that the cell file has: what it would have seen might be in the way.
+
+    Raises:
+        MachineError: Nobody offers it.
+    """
+    there = client.cameras()
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise MachineError(
+            f"nobody offers camera '{missing[0]}' of the cell file; there are {', '.join(there) or 'none'}: start "
+            f"its process (replan camera realsense --name {missing[0]} --cell FILE, or zed), or take it out of the "
+            "cell file"
+        )
 
 
 def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack) -> Callable[[], str]:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
-from control.errors import ConfigError, RefusedError
+from control.errors import ConfigError, MachineError, RefusedError
 from control.gripper import PANDA_HAND
 from control.robot import RobotModel
 from hw_interface.cameras.capture import Capture
@@ -35,6 +35,7 @@ from perception.frames import RgbdFrame
 from perception.recordings import save_npz
 from replan.camera_process import CameraOptions, serve_device
 from replan.doctor import examine
+from replan.run_goal import _check_cameras
 from tests.camera_doubles import LiveSource, SteeredSource, picture
 from tests.hw_support import certificate, from_here, robot_process, robot_thread, until
 from tests.link_certificates import link
@@ -326,3 +327,10 @@ def test_a_recording_stands_in_for_a_camera_and_ends_as_it_was_told(robot: SimPr
         process.kill()
     assert process.returncode == 0, err
     assert "camera 'top' ended (the recording 'look.npz' has ended): 3 pictures, 0 dropped" in out
+
+
+def test_a_run_does_not_begin_without_a_camera_of_its_cell_file(robot: SimProcess):
+    with served(robot.endpoint, LiveSource()), CellClient.connect(robot.endpoint) as client:
+        _check_cameras(client, ["front", "wrist"])
+        with pytest.raises(MachineError, match=r"nobody offers camera 'top' of the cell file; there are front, side,"):
+            _check_cameras(client, ["front", "top"])
