@@ -43,8 +43,7 @@ def judge_movement(history: History, since: int, fault: int, trajectory: Traject
     time, mode, q_d = history.time[window], history.mode[window], history.q_d[window]
     steps = np.any(np.diff(q_d, axis=0) != 0.0, axis=1)
     moving = np.flatnonzero(steps) + 1
-    # The millisecond in which a motion's last command is followed is idle already; a box that brakes is in a reflex.
-    by_client = moving[(mode[moving] == MOVE) | ((mode[moving - 1] == MOVE) & (mode[moving] == IDLE))]
+    by_client = moving[history.told[window][moving]]
     distance = distance_from(q_d[by_client[::EVERY]], trajectory.q)
     departure = float(distance.max(initial=0.0))
     # Before the first sample the arm goes there from where it was held, within the tolerance of the start.

@@ -26,12 +26,15 @@ PATIENCE = 0.5  # [s] of wall time that the lockstep box's clock may wait for a 
 
 @dataclass(frozen=True)
 class History:
-    """What the box did, a row a millisecond: robot time in [ms], mode, commanded and measured positions in [rad]."""
+    """What the box did, a row a millisecond: robot time in [ms], mode, commanded and measured positions in [rad], and
+    whether a client's command came (without one the box extrapolates or brakes by itself).
+    """
 
     time: np.ndarray
     mode: np.ndarray
     q_d: np.ndarray
     q: np.ndarray
+    told: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class PandaSide:
         path = folder / f"{uuid.uuid4().hex}.npz"
         self.box.faults.send(f"history {path}")
         with np.load(path) as arrays:
-            return History(arrays["time"], arrays["mode"], arrays["q_d"], arrays["q"])
+            return History(arrays["time"], arrays["mode"], arrays["q_d"], arrays["q"], arrays["told"])
 
 
 @contextmanager

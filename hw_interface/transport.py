@@ -28,9 +28,6 @@ DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 # so a process that computes for seconds without letting go of Python's lock keeps its lease.
 LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
-# States have a queue of their own, so that they overtake pictures, and room for a second at 1 kHz (a batch takes about
-# 100 of them) when a client's machine is busy. Beyond that they are dropped: nobody's slowness holds up a robot's loop.
-STREAM_PRIORITY, _STREAM_QUEUE = zenoh.Priority.INTERACTIVE_HIGH, "interactive_high"
 QUEUE_BATCHES = 16  # of 64 kB; with the transport's own 2 a picture of megabytes waits for the sender's thread 50 times
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
@@ -109,7 +106,7 @@ def _config(
         "transport/link/protocols": ["tcp" if security is None else "tls"],
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": KEEP_ALIVES_PER_LEASE,
-        **{f"transport/link/tx/queue/size/{queue}": QUEUE_BATCHES for queue in (_STREAM_QUEUE, "data")},
+        "transport/link/tx/queue/size/data": QUEUE_BATCHES,
         "transport/shared_memory/enabled": False,  # segments would outlive a killed process
     }
     if security is not None:
@@ -209,16 +206,6 @@ def _connect(endpoint: str, timeout: float, security: LinkSecurity | None, whom:
     except zenoh.ZError as error:
         why = why_no_link(protocol, host, port, security, timeout)
         raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error
-
-
-def declare_stream(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """Publisher of small messages at a high rate; to publish takes a millisecond at most, however slow readers are.
-
-    Batched, not express: an express message takes a batch for itself, and states are lost on a busy machine.
-    """
-    return session.declare_publisher(
-        key, congestion_control=zenoh.CongestionControl.DROP, priority=STREAM_PRIORITY, express=False
-    )
 
 
 def ask(

@@ -7,7 +7,6 @@
 /replan/truth, /<camera>/truth/labels        what truly was there (`perception.recorded_truth`), if it is known
 """
 
-import re
 import struct
 from collections.abc import Collection
 from pathlib import Path
@@ -23,6 +22,7 @@ from perception.ground_truth import FrameTruth
 from perception.mcap_file import Ros2McapFile
 from perception.recorded_truth import LABELS_ENDING, TRUTH_TOPIC, RecordedObject, RecordedTruth
 from perception.ros2_cdr import camera_info, compressed_image, image, string, transforms
+from perception.topic_names import topic_name
 
 DepthKind = Literal["16UC1", "32FC1"]
 WORLD = "world"
@@ -129,12 +129,6 @@ class McapFrameWriter:
         self._file.put(TRUTH_TOPIC, STRING, stamp, string(text.model_dump_json()))
         if any(o.mask is not None for o in truth.objects):
             self._file.put(f"/{camera}{LABELS_ENDING}", IMAGE, stamp, image(stamp, optical, "mono16", labels))
-
-
-def topic_name(camera: str) -> str:
-    """A camera's name as part of a topic: letters, digits and underscores."""
-    name = re.sub(r"\W", "_", camera, flags=re.ASCII)
-    return name if name[:1].isalpha() else f"camera_{name}"
 
 
 def _compressed(encoding: str, pixels: np.ndarray) -> tuple[str, str, bytes]:

@@ -20,6 +20,17 @@ PACKAGES = {
     "transformers": "GroundingDINO and SAM",
     "example-robot-data": "the Panda's description",
 }
+ROBOT_PACKAGES = {
+    "pin": "robot dynamics",
+    "eclipse-zenoh": "transport",
+    "example-robot-data": "the Panda's description",
+    "panda-python": "the Panda's control box",
+    "cryptography": "keys of links between machines",
+    "pymodbus": "Robotiq grippers",
+    "pyserial": "Robotiq grippers",
+    "pycdr2": "ROS 2 messages",
+}
+NOT_NEEDED = ("torch", "transformers", "cryptography", "pymodbus", "pyserial", "pycdr2")
 
 
 @dataclass(frozen=True)
@@ -45,19 +56,25 @@ class Finding:
 
 @dataclass(frozen=True)
 class Findings:
-    """Everything that was examined."""
+    """Everything that was examined.
+
+    Attributes:
+        items: One by one.
+        robot_side: Whether they are about what the robot's own computer needs, not about a simulated run.
+    """
 
     items: tuple[Finding, ...]
+    robot_side: bool = False
 
     @property
-    def can_simulate(self) -> bool:
-        """Whether all that a simulated run needs is there."""
+    def complete(self) -> bool:
+        """Whether all that is needed is there."""
         return all(f.ok for f in self.items if f.needed)
 
     def as_json(self) -> dict[str, Any]:
         """As one JSON object."""
         return {
-            "can_simulate": self.can_simulate,
+            "can_run_robot" if self.robot_side else "can_simulate": self.complete,
             "platform": platform.platform(),
             "python": platform.python_version(),
             "findings": [asdict(f) for f in self.items],
@@ -83,7 +100,7 @@ def examine(
     from replan.doctor_reasoners import examine_reasoners
     from replan.doctor_weights import examine_weights
 
-    items = [_package(name, use) for name, use in PACKAGES.items()]
+    items = [_package(name, use, "make setup") for name, use in PACKAGES.items()]
     items.append(_rendering())
     items += [
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
@@ -93,12 +110,22 @@ def examine(
     return Findings(tuple(items))
 
 
-def _package(name: str, use: str) -> Finding:
-    needed = name not in ("torch", "transformers")
+def examine_robot_side(robot_endpoint: str, link: Path | None = None) -> Findings:
+    """Look at what the robot's own computer needs.
+
+    Args:
+        robot_endpoint, link: As in `examine`.
+    """
+    items = [_package(name, use, "make setup-robot") for name, use in ROBOT_PACKAGES.items()]
+    return Findings((*items, *_link(link), _robot(robot_endpoint, link)), robot_side=True)
+
+
+def _package(name: str, use: str, setup: str) -> Finding:
+    needed = name not in NOT_NEEDED
     try:
         return Finding("package", name, True, f"{importlib.metadata.version(name)} ({use})", needed)
     except importlib.metadata.PackageNotFoundError:
-        return Finding("package", name, False, f"not installed ({use}); run: make setup", needed)
+        return Finding("package", name, False, f"not installed ({use}); run: {setup}", needed)
 
 
 def _rendering() -> Finding:
@@ -203,5 +230,6 @@ def render(findings: Findings) -> str:
     commands = [f.command for f in findings.items if f.command]
     if commands:
         lines += ["weights from the hub that are not here are fetched, each once, with:", *(f"  {c}" for c in commands)]
-    verdict = "a simulated run is possible" if findings.can_simulate else "a simulated run is NOT possible; see MISSING"
+    what = "a robot's process" if findings.robot_side else "a simulated run"
+    verdict = f"{what} is possible" if findings.complete else f"{what} is NOT possible; see MISSING"
     return "\n".join([*lines, verdict])

@@ -60,10 +60,14 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
     from hw_interface.pacing import Leash
     from hw_interface.ros2.encoding import JOINT_STATE
     from hw_interface.ros2.keys import BridgeNaming, RmwNaming
-    from hw_interface.ros2.mcap_sink import McapSink
     from hw_interface.ros2.publishing import Ros2Publisher
+<<<<<<< HEAD
     from hw_interface.ros2.relay import Relay, watch_cameras
     from hw_interface.transport import open_client_session, open_listening_session
+=======
+    from hw_interface.ros2.relay import Relay, Sink, watch_cameras
+    from hw_interface.transport import open_client_session
+>>>>>>> net
 
     security = link_or_none(options.link)
     with ExitStack() as stack:
@@ -79,8 +83,10 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
         naming = RmwNaming(options.domain, space) if options.rmw_zenoh else BridgeNaming(space)
         publisher = Ros2Publisher(outward, naming)
         stack.callback(publisher.close)
-        sinks: list[Ros2Publisher | McapSink] = [publisher]
+        sinks: list[Sink] = [publisher]
         if options.mcap is not None:
+            from hw_interface.ros2.mcap_sink import McapSink  # needs packages that a robot's computer may not have
+
             recording = McapSink(options.mcap)
             stack.callback(recording.close)
             sinks.append(recording)

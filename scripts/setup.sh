@@ -88,14 +88,16 @@ fi
 if [ "$venv" = .venv ]; then
     say "installing the locked packages (about 8 GB on disk, most of it CUDA libraries that come with torch)"
 else
-    say "installing the locked packages (SIZE on disk)"
+    say "installing the locked packages (about 1 GB on disk, most of it robot descriptions and Pinocchio)"
 fi
 .tools/bin/uv pip sync --quiet --python "$venv/bin/python" --require-hashes "$lock"
 # What builds this package is locked too; the robot's environment does without it afterwards.
 if [ "$venv" = .venv ]; then build=(--no-build-isolation); else build=(--build-constraints requirements.lock); fi
 .tools/bin/uv pip install --quiet --python "$venv/bin/python" --no-deps "${build[@]}" --editable .
 # Byte-compile now, so that the first command is neither slow nor prints the warnings of somebody else's docstrings.
-"$venv/bin/python" -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan \
-    "$venv"/lib/python*/site-packages/toppra || true
+"$venv/bin/python" -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan || true
+for noisy in "$venv"/lib/python*/site-packages/toppra; do
+    if [ -d "$noisy" ]; then "$venv/bin/python" -W ignore -m compileall -q "$noisy" || true; fi
+done
 printf '%s' "$want" >"$stamp"
 say "done; the command is $venv/bin/replan"

@@ -60,7 +60,7 @@ def test_every_fault_that_is_tested_exists():
 
 
 def history(q_d: np.ndarray, mode: int) -> History:
-    return History(np.arange(len(q_d)), np.full(len(q_d), mode, np.uint8), q_d, q_d)
+    return History(np.arange(len(q_d)), np.full(len(q_d), mode, np.uint8), q_d, q_d, np.ones(len(q_d), bool))
 
 
 def test_the_judge_sees_motion_beside_the_certified_path():

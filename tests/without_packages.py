@@ -22,9 +22,8 @@ class Missing(importlib.abc.MetaPathFinder):
         return None
 
 
-def main() -> None:
-    """Hide the packages, then run the module as `python -m` does."""
-    missing = sys.argv[1].split(",")
+def hide(missing: list[str]) -> None:
+    """Behave from now on as if these packages were not installed."""
     sys.meta_path.insert(0, Missing(missing))
     known = importlib.metadata.version
 
@@ -34,6 +33,11 @@ def main() -> None:
         return known(name)
 
     importlib.metadata.version = version
+
+
+def main() -> None:
+    """Hide the packages, then run the module as `python -m` does."""
+    hide(sys.argv[1].split(","))
     sys.argv = sys.argv[2:]
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
 

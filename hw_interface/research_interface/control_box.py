@@ -173,7 +173,7 @@ class ControlBox:
         self._finish_recovery()
         if shown:
             self._describe()
-        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q)
+        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q, command is not None)
 
     # requests of the client
 

@@ -24,8 +24,8 @@ from hw_interface.ros2 import encoding
 from hw_interface.ros2.encoding import LogLevel, Ros2Message
 from hw_interface.ros2.link_tree import BASE, LinkPose, LinkTree
 from perception.frames import RgbdFrame
-from perception.mcap_writing import topic_name
 from perception.ros2_cdr import camera_info, image, string, transforms
+from perception.topic_names import topic_name
 
 WORLD = "world"
 POINT_EVERY = 10  # samples of 1 ms between two points of a trajectory; velocities and accelerations fill the gaps

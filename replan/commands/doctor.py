@@ -19,13 +19,15 @@ class Doctor:
     """Say what is installed, which rendering works, which weights and language backends are here, and whether a robot
     answers.
 
-    Exit code 0 when a simulated run is possible, else 1.
+    Exit code 0 when a simulated run (with --robot-side: a robot's process) is possible, else 1.
     """
 
     robot: str = DEFAULT_ENDPOINT
     """Endpoint of a robot process to look for (tcp/HOST:PORT), or address of a Panda's control box (HOST)."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints; it is examined too (docs/security.md)."""
+    robot_side: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Look only at what the robot's own computer needs (`make setup-robot`)."""
     detector: str = "default"
     """Also look at these detector weights: local folder or hub name."""
     segmenter: str = "default"
@@ -41,6 +43,12 @@ class Doctor:
 
     def execute(self, console: Console) -> int:
         """Examine and report."""
+        if self.robot_side:
+            from replan.doctor import examine_robot_side, render
+
+            findings = examine_robot_side(self.robot, self.link)
+            console.result(findings.as_json(), render(findings))
+            return 0 if findings.complete else 1
         console.note("examining packages, rendering, model weights, language backends and robot")
         from replan.doctor import examine, render
 
@@ -48,4 +56,4 @@ class Doctor:
         server = None if url is None else (url, self.reasoner_model, self.reasoner_key_variable)
         findings = examine(self.robot, self.detector, self.segmenter, server, self.link)
         console.result(findings.as_json(), render(findings))
-        return 0 if findings.can_simulate else 1
+        return 0 if findings.complete else 1
