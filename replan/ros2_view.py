@@ -61,13 +61,8 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
     from hw_interface.ros2.encoding import JOINT_STATE
     from hw_interface.ros2.keys import BridgeNaming, RmwNaming
     from hw_interface.ros2.publishing import Ros2Publisher
-<<<<<<< HEAD
-    from hw_interface.ros2.relay import Relay, watch_cameras
-    from hw_interface.transport import open_client_session, open_listening_session
-=======
     from hw_interface.ros2.relay import Relay, Sink, watch_cameras
-    from hw_interface.transport import open_client_session
->>>>>>> net
+    from hw_interface.transport import open_client_session, open_listening_session
 
     security = link_or_none(options.link)
     with ExitStack() as stack:
