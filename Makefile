@@ -6,7 +6,7 @@ ARGS ?=
 export GOAL CELL
 MAKEFLAGS += --no-print-directory
 
-.PHONY: run test setup lint lock
+.PHONY: run test setup setup-robot lint lock
 run: setup
 	@.venv/bin/replan run "$$GOAL" --cell "$$CELL" $(ARGS)
 
@@ -16,12 +16,19 @@ test: setup lint
 setup:
 	@scripts/setup.sh
 
+# What the robot's own computer needs, into .venv-robot: no twin, no pictures, no learned models.
+setup-robot:
+	@scripts/setup.sh robot
+
 lint: setup
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/pyright
 
-# Writes requirements.lock anew from pyproject.toml.
+# Writes requirements.lock anew from pyproject.toml, and requirements-robot.lock with the same versions.
 lock: setup
 	@.tools/bin/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
 		--no-emit-index-url --no-header --no-annotate --upgrade -o requirements.lock pyproject.toml
+	@.tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+		--extra panda --extra robotiq --extra ros2 --extra security --constraint requirements.lock \
+		--no-emit-index-url --no-header --no-annotate -o requirements-robot.lock pyproject.toml

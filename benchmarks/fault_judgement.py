@@ -9,7 +9,7 @@ from control.trajectory import Trajectory
 
 JOIN = 1.01e-4  # [rad] that a motion's first sample may be away from where the arm is held
 OFF_PATH = 1e-6  # [rad] by which a commanded position may miss the path: rounding
-MOVE = 2  # libfranka.RobotMode
+IDLE, MOVE = 1, 2  # libfranka.RobotMode
 EVERY = 4  # milliseconds between two positions that are looked at
 
 
@@ -43,7 +43,8 @@ def judge_movement(history: History, since: int, fault: int, trajectory: Traject
     time, mode, q_d = history.time[window], history.mode[window], history.q_d[window]
     steps = np.any(np.diff(q_d, axis=0) != 0.0, axis=1)
     moving = np.flatnonzero(steps) + 1
-    by_client = moving[(mode[moving] == MOVE) | (mode[moving - 1] == MOVE)]
+    # The millisecond in which a motion's last command is followed is idle already; a box that brakes is in a reflex.
+    by_client = moving[(mode[moving] == MOVE) | ((mode[moving - 1] == MOVE) & (mode[moving] == IDLE))]
     distance = distance_from(q_d[by_client[::EVERY]], trajectory.q)
     departure = float(distance.max(initial=0.0))
     # Before the first sample the arm goes there from where it was held, within the tolerance of the start.
@@ -54,7 +55,7 @@ def judge_movement(history: History, since: int, fault: int, trajectory: Traject
         uncertified,
         departure,
         (float(time[after[-1]] - fault) / 1000.0 if len(after) else 0.0) if rests else None,
-        bool(np.any(~np.isin(mode[moving], (MOVE, 1)))),
+        bool(np.any(~np.isin(mode[moving], (MOVE, IDLE)))),
     )
 
 

@@ -221,7 +221,7 @@ KINDS = (
     Kind("user stop", _box("user_stop on"), ("rests",)),
     Kind("reflex", _box("reflex joint_reflex"), ("rests",)),
     Kind("push", _box("push {joint} 70 0.3"), ("rests",)),
-    Kind("control box frozen", _box("freeze on", off="freeze off", pause=1.0), ("rests",)),
+    Kind("control box frozen", _box("freeze on", off="freeze off", pause=3.0), ("rests",)),
     Kind("few packets lost", _box("drop 5"), ("completed",)),
     Kind("many packets lost", _box("drop {many}"), ("rests",)),
     Kind("link 200 ms late", _link(Faults(delay=0.2)), ("completed", "rests")),

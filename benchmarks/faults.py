@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import multiprocessing
+import os
 import subprocess
 import sys
 import tempfile
@@ -207,7 +208,7 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
         kind.inject(scene)
         operator.join()
     except (StackError, AssertionError, OSError, LookupError) as error:
-        fault, note = _milliseconds(side), f"{type(error).__name__}: {error}"[:200]
+        fault, note = _milliseconds(side), f"{type(error).__name__}: {str(error)[-300:]}"
         operator.join()
     _await_rest(side)
     time.sleep(STILL)
@@ -268,9 +269,11 @@ def _mode(side: PandaSide) -> str:
 
 def _work(jobs: list[tuple[int, int]], folder: str, results: Any) -> None:
     """One process's share of the injections."""
-    rig = Rig(Path(folder))
+    rig, parent = Rig(Path(folder)), os.getppid()
     try:
         for kind, seed in jobs:
+            if os.getppid() != parent:
+                return  # nobody wants to know any more
             try:
                 results.put(inject(rig, KINDS[kind], seed))
             except Exception as error:
@@ -367,6 +370,7 @@ def main() -> None:
             spent = time.monotonic() - begun
             left = spent / len(done) * (len(jobs) - len(done)) / 60.0
             words = f"{one.outcome}, told '{one.said}'" + (f", {one.note}" if one.note else "")
+            words += f", UNCERTIFIED {one.uncertified} rows, {one.departure:.3g} rad" if one.uncertified else ""
             print(
                 f"[{spent:7.1f} s] {len(done)} of {len(jobs)}: {one.kind} {one.seed}: "
                 f"{'right' if one.right else 'WRONG'} ({words}; {left:.0f} min left)",

@@ -156,7 +156,9 @@ def _robot(endpoint: str, link: Path | None) -> Finding:
 
 
 def _cameras(endpoint: str, link: Path | None) -> list[Finding]:
-    """What the camera processes say of themselves; nothing where no robot answers."""
+    """What the camera processes say of themselves; nothing where no robot process is meant or answers."""
+    if "/" not in endpoint:
+        return []
     from control.errors import RobotGoneError, StackError
     from hw_interface.client import CellClient
     from hw_interface.link_security import link_or_none

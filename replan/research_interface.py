@@ -56,7 +56,8 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
     if options.endpoint is None:
         server.serve()
         return 0
-    cameras = LateCameras(options.endpoint, tuple(c.name for c in world.cameras), partial(_picture, world), say)
+    truth = world.truth if options.score else None
+    cameras = LateCameras(options.endpoint, tuple(c.name for c in world.cameras), partial(_picture, world), say, truth)
     server.between = cameras.serve
     try:
         server.serve()

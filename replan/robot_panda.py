@@ -40,13 +40,14 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     with leash.signals():
         # Where robot time waits for this machine, a player that is slow is no danger.
         still = STILL_MOVING if options.lockstep_patience == 0.0 else STILL_LOCKSTEP
-        hand = HandProcess(hand_command)
+        hand = HandProcess(hand_command)  # both connect at the same time
         try:
             driver = PandaDriver(lambda: PlayerProcess(player_command, still), hand, gate, cell.name)
         except BaseException:
             hand.close()
             raise
         try:
+            hand.await_ready()
             node = RobotNode(
                 driver,
                 (),

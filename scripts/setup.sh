@@ -1,13 +1,24 @@
 #!/usr/bin/env bash
 # Makes .venv from requirements.lock, and installs the system libraries that open3d and off-screen rendering need
 # (when permitted; otherwise one line says what to install). Does nothing when everything is already in place.
+#
+# `scripts/setup.sh robot` makes .venv-robot from requirements-robot.lock instead: what the robot's own computer needs,
+# without twin, pictures and learned models.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 UV_VERSION=0.13.9
-stamp=.venv/.replan-setup
-want=$(cat requirements.lock pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1)
-if [ -x .venv/bin/replan ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then exit 0; fi
+case "${1:-all}" in
+all) venv=.venv lock=requirements.lock ;;
+robot) venv=.venv-robot lock=requirements-robot.lock ;;
+*)
+    printf 'setup: there is no part %s; there are: all, robot\n' "$1" >&2
+    exit 2
+    ;;
+esac
+stamp=$venv/.replan-setup
+want=$(cat "$lock" pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1)
+if [ -x "$venv/bin/replan" ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then exit 0; fi
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 1; }
@@ -44,14 +55,16 @@ done
 
 # --- System libraries -----------------------------------------------------------------------------------------------
 missing=()
-has_library() { ldconfig -p 2>/dev/null | grep -q "$1" || /sbin/ldconfig -p 2>/dev/null | grep -q "$1"; }
-has_library 'libEGL\.so\.1' || missing+=(libegl1)
-has_library 'libGL\.so\.1' || missing+=(libgl1)
-has_library 'libgomp\.so\.1' || missing+=(libgomp1)
-has_library 'libusb-1\.0\.so\.0' || missing+=(libusb-1.0-0)
-# Software rendering: Mesa's drivers are opened by path, not through the linker's cache.
-if ! compgen -G '/usr/lib/*/dri/swrast_dri.so' >/dev/null && ! compgen -G '/usr/lib/*/libgallium*.so' >/dev/null &&
-    [ ! -e /dev/nvidia0 ]; then missing+=(libgl1-mesa-dri); fi
+if [ "$venv" = .venv ]; then
+    has_library() { ldconfig -p 2>/dev/null | grep -q "$1" || /sbin/ldconfig -p 2>/dev/null | grep -q "$1"; }
+    has_library 'libEGL\.so\.1' || missing+=(libegl1)
+    has_library 'libGL\.so\.1' || missing+=(libgl1)
+    has_library 'libgomp\.so\.1' || missing+=(libgomp1)
+    has_library 'libusb-1\.0\.so\.0' || missing+=(libusb-1.0-0)
+    # Software rendering: Mesa's drivers are opened by path, not through the linker's cache.
+    if ! compgen -G '/usr/lib/*/dri/swrast_dri.so' >/dev/null && ! compgen -G '/usr/lib/*/libgallium*.so' >/dev/null &&
+        [ ! -e /dev/nvidia0 ]; then missing+=(libgl1-mesa-dri); fi
+fi
 if [ ${#missing[@]} -gt 0 ]; then
     need_packages "system libraries for rendering and point clouds are missing" "${missing[@]}"
 fi
@@ -68,15 +81,21 @@ if [ "$(.tools/bin/uv --version 2>/dev/null | cut -d' ' -f2)" != "$UV_VERSION" ]
     fi
     .tools/bin/pip install --quiet --disable-pip-version-check "uv==$UV_VERSION"
 fi
-if [ ! -x .venv/bin/python ]; then
-    say "making .venv with $("$python" --version)"
-    .tools/bin/uv venv --quiet --python "$python" .venv
+if [ ! -x "$venv/bin/python" ]; then
+    say "making $venv with $("$python" --version)"
+    .tools/bin/uv venv --quiet --python "$python" "$venv"
 fi
-say "installing the locked packages (about 8 GB on disk, most of it CUDA libraries that come with torch)"
-.tools/bin/uv pip sync --quiet --python .venv/bin/python --require-hashes requirements.lock
-.tools/bin/uv pip install --quiet --python .venv/bin/python --no-deps --no-build-isolation --editable .
+if [ "$venv" = .venv ]; then
+    say "installing the locked packages (about 8 GB on disk, most of it CUDA libraries that come with torch)"
+else
+    say "installing the locked packages (SIZE on disk)"
+fi
+.tools/bin/uv pip sync --quiet --python "$venv/bin/python" --require-hashes "$lock"
+# What builds this package is locked too; the robot's environment does without it afterwards.
+if [ "$venv" = .venv ]; then build=(--no-build-isolation); else build=(--build-constraints requirements.lock); fi
+.tools/bin/uv pip install --quiet --python "$venv/bin/python" --no-deps "${build[@]}" --editable .
 # Byte-compile now, so that the first command is neither slow nor prints the warnings of somebody else's docstrings.
-.venv/bin/python -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan \
-    .venv/lib/python*/site-packages/toppra || true
+"$venv/bin/python" -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan \
+    "$venv"/lib/python*/site-packages/toppra || true
 printf '%s' "$want" >"$stamp"
-say "done; the command is .venv/bin/replan"
+say "done; the command is $venv/bin/replan"

@@ -21,7 +21,8 @@ from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import FrameRequest
 from hw_interface.research_interface.layout import GRIPPER_PORT, PORT
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
-from hw_interface.transport import ALIVE_KEY, FRAME_KEY, ask, open_robot_session
+from hw_interface.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, ask, open_robot_session
+from hw_interface.truth_message import TruthMessage, TruthRequest
 from tests.control_boxes import along, desired, play, robot_at, swing
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
@@ -42,7 +43,7 @@ def listener() -> Iterator[tuple[zenoh.Session, str]]:
 @pytest.fixture(scope="module")
 def box(listener: tuple[zenoh.Session, str]) -> Iterator[ControlBoxProcess]:
     address = free_address(random.Random())
-    with start_control_box([*COMMAND, "--address", address, "--endpoint", listener[1]]) as process:
+    with start_control_box([*COMMAND, "--address", address, "--endpoint", listener[1], "--score"]) as process:
         yield process
 
 
@@ -93,6 +94,8 @@ def test_cameras_show_the_arm_that_the_client_has_moved(box: ControlBoxProcess, 
     assert changed(before, again) < 0.002
     assert changed(before, after) > 0.01
     assert robot.read_once().robot_mode == libfranka.RobotMode.kIdle, "the box has gone on meanwhile"
+    truth = ask(session, TRUTH_KEY, TruthRequest(), TruthMessage, 10.0).truth()
+    assert {"red_cube", "crate"} <= truth.things.keys()
     alive.undeclare()
 
 

@@ -52,23 +52,26 @@ KINDS = (HandReady, HandOrder, HandFault, Refusal)
 
 
 class HandProcess:
-    """The supervisor's side: a `Hand`.
+    """The supervisor's side: a `Hand`, which is being connected to at first.
 
     Args:
         command: Program and arguments of the process; `--link-fd N --board-fd N` are added.
         clock: Monotonic clock in [s].
-
-    Raises:
-        MachineError: The gripper does not answer.
     """
 
     def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._command, self._clock = tuple(command), clock
         self._start()
+
+    def await_ready(self) -> None:
+        """Wait until the gripper has answered.
+
+        Raises:
+            MachineError: It does not.
+        """
         while not self._ready and self._fault is None:
             self._hear(0.1)
         if self._fault is not None:
-            self.close()
             raise MachineError(f"the gripper is not ready: {self._fault}")
 
     def _start(self) -> None:

@@ -139,13 +139,14 @@ class ControlBox:
         """The present state as it goes over the wire."""
         return self._record.as_bytes()
 
-    def tick(self, command: np.void | None, counts: bool = True) -> None:
+    def tick(self, command: np.void | None, counts: bool = True, shown: bool = True) -> None:
         """Advance by one millisecond.
 
         Args:
             command: The client's command (`layout.COMMAND`) for it, or None: lost while a motion is followed.
             counts: Whether robot time advances. A state that was sent ahead of a motion's first command has counted
                 its millisecond already.
+            shown: Whether the state is looked at afterwards; without a motion it is not brought up to date else.
         """
         motion = self._motion
         torque: np.ndarray | None = None
@@ -166,9 +167,12 @@ class ControlBox:
             self._push_until = 0
             self._plant.set_push(np.zeros(7))
         self._readings = readings
-        self._watch(readings)
+        shown = shown or self._motion is not None
+        if shown:
+            self._watch(readings)
         self._finish_recovery()
-        self._describe()
+        if shown:
+            self._describe()
         self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q)
 
     # requests of the client
@@ -176,8 +180,9 @@ class ControlBox:
     def move(self, command_id: int, body: bytes) -> None:
         """Begin a motion."""
         controller, generator = struct.unpack_from("<II", body)
-        if self.mode is not Mode.IDLE:
-            self._say(f"Move refused in mode {self.mode.name.lower()}")
+        if self.mode is not Mode.IDLE or self._set_point.dq.any():
+            braking = " while braking" if self._set_point.dq.any() else ""
+            self._say(f"Move refused in mode {self.mode.name.lower()}{braking}")
             self._answer(Command.MOVE, command_id, MoveStatus.NOT_POSSIBLE)
             return
         joint_generators = (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
