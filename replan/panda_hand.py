@@ -16,6 +16,8 @@ class HandOptions:
     """Where the gripper answers: the control box for a Franka Hand."""
     gripper: str = "panda_hand"
     """Which gripper it is."""
+    activate: bool = False
+    """Whether a Robotiq gripper may be activated, which moves its fingers."""
     link_fd: int = -1
     """Descriptor of the pipe to the supervisor."""
     board_fd: int = -1
@@ -28,13 +30,22 @@ def main() -> int:
     supervisor = os.getppid()
     from control.gripper import gripper_model
     from hw_interface.panda.franka_hand import connect_hand
+    from hw_interface.panda.hand import Hand
     from hw_interface.panda.hand_process import KINDS, serve_hand
     from hw_interface.panda.link import Link
 
     model = gripper_model(options.gripper)
     link = Link(Connection(options.link_fd), KINDS)
     gone = lambda: os.getppid() != supervisor  # noqa: E731
-    return serve_hand(lambda: connect_hand(options.address, model), link, options.board_fd, gone)
+
+    def connect() -> Hand:
+        if model.mounting is None:
+            return connect_hand(options.address, model)
+        from hw_interface.robotiq.gripper import connect_robotiq
+
+        return connect_robotiq(options.address, options.activate)
+
+    return serve_hand(connect, link, options.board_fd, gone)
 
 
 if __name__ == "__main__":

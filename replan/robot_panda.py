@@ -4,9 +4,12 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from control.errors import ConfigError
+
 STILL_LOCKSTEP = 1.5  # [s] of wall time
 
 if TYPE_CHECKING:
+    from control.gripper import GripperModel
     from replan.commands.robot import RobotPanda
 
 
@@ -30,8 +33,8 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
     audit = AuditLog(options.audit_log)
-    address = options.address if options.gripper_address is None else options.gripper_address
-    hand_command = [sys.executable, "-m", "replan.panda_hand", "--address", address, "--gripper", gate.gripper.name]
+    hand_command = [sys.executable, "-m", "replan.panda_hand", "--address", _gripper_address(options, gate.gripper)]
+    hand_command += ["--gripper", gate.gripper.name, *["--activate"] * options.activate_gripper]
     player_command = [sys.executable, "-m", "replan.panda_player", "--address", options.address, "--cell", options.cell]
     player_command += ["--realtime", options.realtime, "--patience", str(options.lockstep_patience)]
     for name in options.option:
@@ -68,6 +71,25 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
             driver.close()
             audit.close()
     return 0
+
+
+def _gripper_address(options: "RobotPanda", gripper: "GripperModel") -> str:
+    """Where the gripper of the cell answers.
+
+    Raises:
+        ConfigError: A Robotiq gripper without its address, or an address for a Franka Hand.
+    """
+    is_franka = gripper.mounting is None
+    if is_franka and options.gripper_address is not None:
+        raise ConfigError(
+            "the cell's gripper is a Franka Hand, which is at the control box; leave out --gripper-address"
+        )
+    if not is_franka and options.gripper_address is None:
+        raise ConfigError(
+            f"the cell's gripper is a '{gripper.name}'; say where it answers: --gripper-address rtu:/dev/ttyUSB0 "
+            "(serial line) or tcp:HOST:502"
+        )
+    return options.gripper_address or options.address
 
 
 def _no_picture(camera: str):

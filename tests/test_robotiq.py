@@ -31,7 +31,7 @@ def test_bytes_mean_widths_speeds_and_forces_as_the_manual_says():
 def test_a_gripper_is_activated_and_goes_where_it_is_told(line):
     double = RobotiqDouble()
     with line(double) as address:
-        hand = connect_robotiq(address)
+        hand = connect_robotiq(address, activate=True)
         try:
             assert double.activations == 1 and not hand.read().grasped and hand.read().fault is None
             hand.begin(GripperCommand("move", 0.040))
@@ -46,7 +46,7 @@ def test_a_gripper_is_activated_and_goes_where_it_is_told(line):
 def test_a_gripper_that_is_activated_already_keeps_what_it_holds():
     double = RobotiqDouble(activated=True)
     with on_tcp(double) as address:
-        hand = connect_robotiq(address)
+        hand = connect_robotiq(address, activate=True)
         hand.close()
     assert double.activations == 0
 
@@ -54,7 +54,7 @@ def test_a_gripper_that_is_activated_already_keeps_what_it_holds():
 def test_a_thing_between_the_fingers_is_grasped_and_its_width_measured():
     double = RobotiqDouble(activated=True, thing=123)
     with on_tcp(double) as address:
-        hand = connect_robotiq(address)
+        hand = connect_robotiq(address, activate=True)
         try:
             hand.begin(GripperCommand("grasp", 0.040, 60.0))
             assert until(lambda: not hand.read().busy)
@@ -75,7 +75,7 @@ def test_a_thing_between_the_fingers_is_grasped_and_its_width_measured():
 def test_a_gripper_that_does_not_answer_is_a_fault_within_half_a_second_and_starts_again_when_told():
     double = RobotiqDouble(activated=True)
     with on_tcp(double) as address:
-        hand = connect_robotiq(address)
+        hand = connect_robotiq(address, activate=True)
         try:
             double.silent = True
             begun = time.monotonic()
@@ -96,7 +96,7 @@ def test_a_gripper_that_does_not_answer_is_a_fault_within_half_a_second_and_star
 def test_a_fault_of_the_gripper_is_told_in_words():
     double = RobotiqDouble(activated=True)
     with on_tcp(double) as address:
-        hand = connect_robotiq(address)
+        hand = connect_robotiq(address, activate=True)
         try:
             double.fault = 0x0A
             assert until(lambda: hand.read().fault is not None)
@@ -108,14 +108,14 @@ def test_a_fault_of_the_gripper_is_told_in_words():
 def test_a_gripper_that_is_not_there_and_a_wrong_address_are_named():
     begun = time.monotonic()
     with pytest.raises(MachineError, match=r"no line to the gripper at tcp:127\.0\.0\.1:1;"):
-        connect_robotiq("tcp:127.0.0.1:1")
+        connect_robotiq("tcp:127.0.0.1:1", activate=True)
     double = RobotiqDouble()
     double.silent = True
     with on_tcp(double) as address:
         with pytest.raises(MachineError, match=r"does not answer; see to .* on the line \(9\)"):
-            connect_robotiq(address)
+            connect_robotiq(address, activate=True)
         double.silent = False
     assert time.monotonic() - begun < 4.0
     for wrong in ("usb0", "rtu:", "tcp:host:x"):
         with pytest.raises(ConfigError, match=f"gripper address '{wrong}' is not valid"):
-            connect_robotiq(wrong)
+            connect_robotiq(wrong, activate=True)

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from control.errors import MachineError
+from control.errors import MachineError, StackError
 from control.trajectory import GripperCommand
 from hw_interface.errors import MessageError
 from hw_interface.messages import Refusal
@@ -169,7 +169,7 @@ def serve_hand(connect: Callable[[], Hand], link: Link, descriptor: int, gone: C
     state = np.frombuffer(mmap.mmap(descriptor, _STATE.itemsize), _STATE, 1)
     try:
         hand = connect()
-    except MachineError as error:
+    except StackError as error:
         link.send(Refusal(code="not_ready", reason=str(error)[:2000]))
         return 1
     number, told = 0, False

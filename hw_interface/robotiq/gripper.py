@@ -22,19 +22,19 @@ SPEED = 2 * ROBOTIQ_2F85.rated_speed  # [m/s] between the pads
 class RobotiqHand:
     """One gripper; a `Hand`.
 
-    It is activated when it is not: its fingers open and close once, and let go of whatever they held.
-
     Args:
         client: A pymodbus client, not connected yet.
         where: Its address, for messages.
+        activate: Whether it may be activated when it is not: its fingers open and close once, and let go of whatever
+            they held.
         calibration: Which bytes are open and closed.
 
     Raises:
         MachineError: It does not answer, or cannot be activated.
     """
 
-    def __init__(self, client: Any, where: str, calibration: Calibration | None = None) -> None:
-        self._client = client
+    def __init__(self, client: Any, where: str, activate: bool, calibration: Calibration | None = None) -> None:
+        self._client, self._may_activate = client, activate
         self._where = where
         self._calibration = calibration or Calibration()
         self._news = threading.Condition()
@@ -147,6 +147,11 @@ class RobotiqHand:
                 )
         if status.activation == registers.ACTIVATED and status.fault == 0:
             return
+        if not self._may_activate:
+            raise MachineError(
+                f"the gripper at {self._where} is not activated, or has a fault; activation opens and closes its "
+                "fingers once and lets go of what they hold: see that they are free, then start with --activate-gripper"
+            )
         # Taken away and given again, which also ends a fault.
         self._write(registers.request(0, 0, 0, action=0))
         self._write(registers.request(0, 0, 0, action=registers.ACTIVATE))
@@ -184,11 +189,12 @@ class RobotiqHand:
             return False
 
 
-def connect_robotiq(where: str, calibration: Calibration | None = None) -> RobotiqHand:
+def connect_robotiq(where: str, activate: bool, calibration: Calibration | None = None) -> RobotiqHand:
     """The gripper at an address.
 
     Args:
         where: "rtu:/dev/ttyUSB0" for a serial line, "tcp:HOST" or "tcp:HOST:PORT" for a gateway (port 502).
+        activate: As for `RobotiqHand`.
         calibration: Which bytes are open and closed; None takes the usual ones.
 
     Raises:
@@ -215,4 +221,4 @@ def connect_robotiq(where: str, calibration: Calibration | None = None) -> Robot
             f"gripper address '{where}' is not valid; write it as rtu:/dev/ttyUSB0 (serial line) or tcp:HOST:502 "
             "(gateway)"
         )
-    return RobotiqHand(client, where, calibration)
+    return RobotiqHand(client, where, activate, calibration)

@@ -75,7 +75,9 @@ class RobotPanda:
     state_rate: float = 70.0
     """States a second to publish, at most 1000."""
     gripper_address: str | None = None
-    """Where a Robotiq gripper answers: a serial port (/dev/ttyUSB0) or HOST:PORT. A Franka Hand is at the box."""
+    """Where a Robotiq gripper answers: rtu:/dev/ttyUSB0 (serial line) or tcp:HOST:502. A Franka Hand is at the box."""
+    activate_gripper: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Activate a Robotiq gripper that is not: its fingers open and close once and let go of what they hold."""
     audit_log: Path = Path("runs/robot/audit.jsonl")
     """File to which every request, motion, stop and acknowledgement is appended; no motion without it."""
     realtime: Literal["auto", "enforce", "ignore"] = "auto"
