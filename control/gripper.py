@@ -98,6 +98,14 @@ class GripperModel:
         return FRANKA_HAND_TCP if self.mounting is None else self.mounting.tcp
 
     @property
+    def flange_T_tcp(self) -> np.ndarray:
+        """Pose of the tool centre point at the flange, shape (4, 4)."""
+        pose = np.eye(4)
+        pose[:2, :2] = [[np.cos(HAND_TURN), -np.sin(HAND_TURN)], [np.sin(HAND_TURN), np.cos(HAND_TURN)]]
+        pose[2, 3] = self.tcp_distance
+        return pose
+
+    @property
     def full_stroke(self) -> float:
         """Time in [s] from closed to open at the rated speed."""
         return self.opening / 2 / self.rated_speed

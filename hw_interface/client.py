@@ -14,6 +14,7 @@ import zenoh
 from control.certificate import Certificate
 from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
+from hw_interface.camera_messages import CameraHealth, HealthRequest
 from hw_interface.cameras.offers import all_cameras, offered_cameras
 from hw_interface.errors import CameraGoneError, MessageError
 from hw_interface.frame_message import FrameMessage
@@ -37,6 +38,7 @@ from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    CAMERA_HEALTH_KEY,
     DEFAULT_ENDPOINT,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
@@ -136,6 +138,7 @@ class CellClient:
         self.endpoint = endpoint
         self.info = info
         self.on_frame: Callable[[RgbdFrame], None] | None = None
+        self._seen: dict[str, list[str]] = {}  # every camera process that was ever there, by camera
         self._subscribers = (
             session.declare_subscriber(STATE_KEY, self._on_state),
             session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True),
@@ -185,7 +188,9 @@ class CellClient:
         Raises:
             ConfigError: Two processes offer the same camera.
         """
-        return all_cameras(self.info.cameras, self.endpoint, offered_cameras(self._session, self._timeout))
+        offered = offered_cameras(self._session, self._timeout)
+        self._seen |= offered
+        return all_cameras(self.info.cameras, self.endpoint, offered)
 
     def state(self) -> RobotState:
         """State measured now.
@@ -199,18 +204,26 @@ class CellClient:
         """Pictures taken now, one per camera.
 
         Args:
-            cameras: Names; all of the cell's cameras by default.
+            cameras: Names; by default all of the cell's cameras that this client has ever found there.
             max_age: How old a picture may be when it comes, on the robot's clock in [s].
 
         Raises:
             ConfigError: Two processes offer the same camera.
-            RefusedError: unknown_camera, stale_frame (the picture is too old), or what a camera process refuses with.
-            CameraGoneError: No answer from a camera process.
+            RefusedError: no_camera (the cell has none), unknown_camera, stale_frame (the picture is too old), or what a
+                camera process refuses with: stale_frame, camera_failed, clock_unsure, no_arm_pose.
+            CameraGoneError: A camera process is gone, or does not answer.
             RobotGoneError: No answer from the robot process.
         """
         there = self.cameras()
-        names = there if cameras is None else tuple(cameras)
+        names = tuple(dict.fromkeys((*there, *self._seen))) if cameras is None else tuple(cameras)
+        if not names:
+            raise RefusedError("no_camera", "this cell has no camera: start its camera processes (replan camera)")
         missing = [name for name in names if name not in there]
+        if missing and missing[0] in self._seen:
+            raise CameraGoneError(
+                f"camera '{missing[0]}' is gone: its process {self._seen[missing[0]][0]} has ended or is frozen; see "
+                "to it, start it again (replan camera) and look again"
+            )
         if missing:
             raise RefusedError("unknown_camera", f"no camera '{missing[0]}' in this cell; it has {list(there)}")
         return [self._frame(name, max_age) for name in names]
@@ -224,8 +237,8 @@ class CellClient:
             if own:
                 raise
             raise CameraGoneError(
-                f"the process that has camera '{name}' did not answer within {timeout:g} s; it has ended or is frozen; "
-                "see to it (replan camera) and look again"
+                f"the process that has camera '{name}' ({self._seen[name][0]}) does not answer; it has ended or is "
+                "frozen: see to it, start it again (replan camera) and look again"
             ) from error
         age = self._robot_time() - frame.stamp
         if age > max_age:
@@ -245,6 +258,22 @@ class CellClient:
         if latest is None:
             return self.state().stamp
         return latest.stamp + time.monotonic() - at
+
+    def camera_health(self) -> list[CameraHealth]:
+        """How the camera processes that are there say that they do.
+
+        Raises:
+            CameraGoneError: One does not answer.
+        """
+        offered = offered_cameras(self._session, self._timeout)
+        self._seen |= offered
+        found = []
+        for name in offered:
+            try:
+                found.append(self._ask(f"{CAMERA_HEALTH_KEY}/{name}", HealthRequest(), CameraHealth, CAMERA_TIMEOUT))
+            except RobotGoneError as error:
+                raise CameraGoneError(f"the process that has camera '{name}' does not answer") from error
+        return found
 
     def stop(self, reason: str = "") -> RobotState:
         """Ask the arm to come to rest on its path and stay until acknowledged; returns at once.

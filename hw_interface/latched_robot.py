@@ -114,6 +114,11 @@ class LatchedRobot(ABC, Generic[M]):
         """Whether a motion is being played."""
         return self._motion is not None
 
+    @property
+    def control_box_mode(self) -> str | None:
+        """What a real robot's own control box says that it does; None where there is none."""
+        return None
+
     @abstractmethod
     def tick(self) -> None:
         """One turn of the loop: measure, supervise, command. Never raises."""
@@ -233,6 +238,7 @@ class LatchedRobot(ABC, Generic[M]):
             firmware=self.gate.firmware,
             limits_hash=self.gate.limits_hash,
             last_error=self._trouble,
+            robot_mode=self.control_box_mode,
         )
 
     def result(self, serial: str) -> MotionResult:

@@ -22,7 +22,17 @@ _WATCH = ("liveliness_query", "declare_liveliness_subscriber")
 _ALL = (*_ASK, *_ANSWER, *_PUBLISH, *_LISTEN, *_BE_SEEN, *_WATCH)
 
 _EVERYTHING = ("cell/**",)
-_READABLE = ("cell/info", "cell/state", "cell/frame/**", "cell/result", "cell/executing")
+_READABLE = (
+    "cell/info",
+    "cell/state",
+    "cell/clock",
+    "cell/frame/**",
+    "cell/result",
+    "cell/camera/**",
+    "cell/camera_health/**",
+    "cell/executing",
+    "cell/alive",
+)
 _ROS2 = ("**", "@ros2_lv/**", "@/*/@ros2_lv", "@/*/@ros2_lv/**")  # its topics have keys of their own
 
 
@@ -40,9 +50,11 @@ class _Right:
 _FROM: Mapping[Role, tuple[_Right, ...]] = {
     "robot": (_Right(_ALL, _EVERYTHING),),
     "camera": (
-        _Right(_ANSWER, ("cell/frame/**",)),
+        _Right(_ANSWER, ("cell/frame/**", "cell/camera_health/**")),
         _Right(_BE_SEEN, ("cell/camera/**",)),
-        _Right((*_ASK, *_LISTEN), ("cell/info", "cell/state")),  # a camera on the hand moves with the arm
+        _Right(_PUBLISH, ("cell/camera_health/**",)),
+        # A camera on the hand moves with the arm, and pictures are stamped on the robot's clock.
+        _Right((*_ASK, *_LISTEN), ("cell/info", "cell/state", "cell/clock")),
         _Right(_WATCH, _EVERYTHING),
     ),
     "operator": (
@@ -65,8 +77,8 @@ _FROM: Mapping[Role, tuple[_Right, ...]] = {
 _TO: Mapping[Role, tuple[_Right, ...]] = {
     "robot": (_Right(_ALL, _EVERYTHING),),
     "camera": (
-        _Right((*_ASK, *_LISTEN, *_WATCH), ("cell/frame/**", "cell/camera/**")),
-        _Right((*_ANSWER, *_PUBLISH), ("cell/info", "cell/state")),
+        _Right((*_ASK, *_LISTEN, *_WATCH), ("cell/frame/**", "cell/camera/**", "cell/camera_health/**")),
+        _Right((*_ANSWER, *_PUBLISH), ("cell/info", "cell/state", "cell/clock")),
         _Right(_BE_SEEN, _EVERYTHING),
     ),
     "operator": (_Right((*_ANSWER, *_PUBLISH, *_BE_SEEN, *_WATCH, *_LISTEN), _EVERYTHING),),

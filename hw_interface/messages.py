@@ -52,6 +52,8 @@ class RobotState(Message):
         cell, profile, firmware: Names of the cell, of the robot profile and of its firmware family.
         limits_hash: Hash of the safety and robot limits that certificates must carry.
         last_error: Why the mode is `reflex`, else None.
+        robot_mode: What a real robot's own control box says that it does ("idle", "move", "guiding", "reflex",
+            "user_stopped", "recovery", "other"); None where there is none.
     """
 
     type_name: ClassVar[str] = "robot_state"
@@ -75,6 +77,7 @@ class RobotState(Message):
     firmware: Name
     limits_hash: Name
     last_error: Trouble | None
+    robot_mode: Name | None
 
 
 class CellInfo(Message):

@@ -14,6 +14,7 @@ import zenoh
 from control.errors import ConfigError, RefusedError
 from hw_interface.audit import Audit
 from hw_interface.audit_log import AuditLog
+from hw_interface.camera_messages import ClockReading, ClockRequest
 from hw_interface.frame_message import FrameMessage
 from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
@@ -33,6 +34,7 @@ from hw_interface.stream import Stream
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
+    CLOCK_KEY,
     EXECUTING_KEY,
     FRAME_KEY,
     FRAME_TRUTH_KEY,
@@ -112,6 +114,7 @@ class RobotNode:
             for key, handler in {
                 INFO_KEY: self._answer_info,
                 STATE_KEY: self._answer_state,
+                CLOCK_KEY: self._answer_clock,
                 # One key a camera: the keys of other cameras are answered by the processes that have them.
                 **{f"{FRAME_KEY}/{camera}": self._answer_frame for camera in cameras},
                 TRAJECTORY_KEY: self._answer_trajectory,
@@ -182,6 +185,10 @@ class RobotNode:
     def _answer_state(self, query: zenoh.Query) -> None:
         read_request(query, StateRequest)
         answer(query, self._driver.state())
+
+    def _answer_clock(self, query: zenoh.Query) -> None:
+        read_request(query, ClockRequest)
+        answer(query, ClockReading(stamp=self._driver.state().stamp))
 
     def _answer_frame(self, query: zenoh.Query) -> None:
         read_request(query, FrameRequest)

@@ -23,7 +23,7 @@ BEAT_KEY = "cell/operator_beat"  # followed by /<identity>; the payload is empty
 BEAT_PERIOD = 0.2  # [s]
 BEAT_LEASE = 1.5  # [s] without a beat; a program may well compute for a second without letting another thread run
 OWN_PAUSE = 0.5  # [s] between two looks of the robot side after which the silence in between does not count
-TOKEN_TIMEOUT = 0.3  # [s] for the answer to whether an unknown operator is there
+TOKEN_TIMEOUT = 1.0  # [s] for the answer to whether an unknown operator is there
 
 
 class OperatorLease:
@@ -57,10 +57,13 @@ class OperatorLease:
                 f"'{self._labels[self.holder]}' operates this robot, and one may at a time; wait until that program "
                 "has ended (anybody may stop the robot)",
             )
-        if identity not in self._labels:
+        # The token was declared before the motion was sent, but the two may come in another order.
+        until = time.monotonic() + TOKEN_TIMEOUT
+        while identity not in self._labels and time.monotonic() < until:
             for reply in self._session.liveliness().get(f"{OPERATOR_KEY}/{identity}/*", timeout=TOKEN_TIMEOUT):
                 if reply.ok is not None:
                     self._see(str(reply.ok.key_expr))
+            time.sleep(0.005)
         if identity not in self._labels:
             raise RefusedError("no_operator", "the motion's operator is not there any more; connect and send it again")
         self.holder = identity

@@ -4,7 +4,10 @@ import importlib.metadata
 import platform
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hw_interface.camera_messages import CameraHealth
 
 PACKAGES = {
     "mujoco": "twin and simulated cell",
@@ -88,7 +91,8 @@ def examine(
     """Look at everything; takes a few seconds.
 
     Args:
-        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447.
+        robot_endpoint: Where a robot process may be listening, for instance tcp/127.0.0.1:7447; or, without a
+            protocol in front, the address of a Panda's control box.
         detector, segmenter: Weights to look at beside those that are known, as given to `replan run`.
         server: Address of a language server, model or None, and environment variable of its key; None to ask none.
         link: Link file of a robot on another machine, or None.
@@ -102,7 +106,7 @@ def examine(
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
     ]
     items += [Finding("reasoner", r.name, r.here, r.detail) for r in examine_reasoners(server)]
-    items += [*_link(link), _robot(robot_endpoint, link)]
+    items += [*_link(link), *_robots(robot_endpoint, link), *_cameras(robot_endpoint, link)]
     return Findings(tuple(items))
 
 
@@ -156,6 +160,15 @@ def _link(link: Path | None) -> list[Finding]:
     ]
 
 
+def _robots(where: str, link: Path | None) -> list[Finding]:
+    """A robot process at an endpoint, or a control box and its gripper at an address."""
+    if "/" in where:
+        return [_robot(where, link)]
+    from replan.doctor_control_box import examine_control_box
+
+    return [Finding("robot", part.name, part.ok, part.detail) for part in examine_control_box(where)]
+
+
 def _robot(endpoint: str, link: Path | None) -> Finding:
     from control.errors import StackError
     from hw_interface.client import CellClient
@@ -167,6 +180,34 @@ def _robot(endpoint: str, link: Path | None) -> Finding:
     except StackError as error:
         return Finding("robot", endpoint, False, str(error))
     return Finding("robot", endpoint, True, f"{state.profile} in cell {state.cell}, mode {state.mode}")
+
+
+def _cameras(endpoint: str, link: Path | None) -> list[Finding]:
+    """What the camera processes say of themselves; nothing where no robot process is meant or answers."""
+    if "/" not in endpoint:
+        return []
+    from control.errors import RobotGoneError, StackError
+    from hw_interface.client import CellClient
+    from hw_interface.link_security import link_or_none
+
+    try:
+        with CellClient.connect(endpoint, timeout=1.0, security=link_or_none(link)) as client:
+            found = client.camera_health()
+    except RobotGoneError:
+        return []  # said with the robot already
+    except StackError as error:
+        return [Finding("camera", endpoint, False, str(error))]
+    return [_camera(h) for h in found]
+
+
+def _camera(h: "CameraHealth") -> Finding:
+    age = "no picture yet" if h.age is None else f"newest {h.age:.2f} s old (at most {h.max_age:g})"
+    clock = "clock not measured"
+    if h.clock_offset is not None and h.clock_uncertainty is not None:
+        clock = f"clock {1000 * h.clock_offset:+.1f} +- {1000 * h.clock_uncertainty:.1f} ms"
+        clock += f", set anew {h.clock_jumps} times" if h.clock_jumps else ""
+    numbers = f"{h.rate:.1f} pictures a second, {h.dropped} of {h.frames + h.dropped} dropped, {age}, {clock}"
+    return Finding("camera", h.camera, h.trouble is None, f"{h.trouble or h.source}; {numbers} ({h.owner})")
 
 
 def render(findings: Findings) -> str:

@@ -50,9 +50,8 @@ def main() -> int:
     except StackError as error:
         link.send(Refusal(code="not_ready", reason=str(error)[:2000]))
         return 1
-    distance = gate.gripper.tcp_distance
     gone = lambda: os.getppid() != supervisor  # noqa: E731
-    Player(robot, libfranka, gate, board, link, lacking, distance, options.patience, gone).run()
+    Player(robot, libfranka, gate, board, link, lacking, gate.gripper.flange_T_tcp, options.patience, gone).run()
     return 0
 
 

@@ -1,10 +1,14 @@
 """The process of a simulated control box: a cell's world behind the protocol of the Panda."""
 
+import time
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from perception.frames import RgbdFrame
     from replan.commands.robot import RobotResearchInterface
+    from sim_check.world import World
 
 
 def serve_research_interface(options: "RobotResearchInterface", say: Callable[[str], None]) -> int:
@@ -13,9 +17,13 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
     Raises:
         ConfigError: Unknown cell, address or port in use, or a robot that has another control box.
     """
+    from replan.rendering import require_mujoco
+
+    require_mujoco()
     from control.errors import ConfigError, MachineError
     from control.gripper import PANDA_HAND
     from hw_interface.pacing import Leash
+    from hw_interface.research_interface.cameras import LateCameras
     from hw_interface.research_interface.model_library import build_library
     from hw_interface.research_interface.server import ResearchInterface
     from sim_check.cells import load_cell
@@ -27,7 +35,7 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
         raise ConfigError(
             f"cell '{cell.name}' has a robot of profile {limits.profile}; the simulated control box speaks for panda/5"
         )
-    world = build_world(cell, options.seed, meshes=False)
+    world = build_world(cell, options.seed, meshes=options.endpoint is not None)
     server = ResearchInterface(
         world,
         limits,
@@ -45,5 +53,22 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
         say(str(error))
     say(f"control box of cell '{cell.name}' at {options.address}, pace {options.pace}; Ctrl-C ends it")
     server.announce()
-    server.serve()
+    if options.endpoint is None:
+        server.serve()
+        return 0
+    truth = world.truth if options.score else None
+    cameras = LateCameras(options.endpoint, tuple(c.name for c in world.cameras), partial(_picture, world), say, truth)
+    server.between = cameras.serve
+    try:
+        server.serve()
+    finally:
+        cameras.close()
+        world.close()
     return 0
+
+
+def _picture(world: "World", camera: str) -> "RgbdFrame":
+    from perception.frames import RgbdFrame
+
+    colour, depth, world_T_camera, intrinsics = world.render(camera)
+    return RgbdFrame(colour, depth, intrinsics, world_T_camera, time.time(), camera)

@@ -4,6 +4,8 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+STILL_LOCKSTEP = 1.5  # [s] of wall time
+
 if TYPE_CHECKING:
     from replan.commands.robot import RobotPanda
 
@@ -21,7 +23,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.pacing import Leash, announce
     from hw_interface.panda.driver import PandaDriver
     from hw_interface.panda.hand_process import HandProcess
-    from hw_interface.panda.player_process import PlayerProcess
+    from hw_interface.panda.player_process import STILL_MOVING, PlayerProcess
     from hw_interface.panda.serve import supervise
     from replan.robot_gate import cell_gate
 
@@ -36,13 +38,16 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
         player_command += ["--option", name]
     leash = Leash(options.parent_pid)
     with leash.signals():
-        hand = HandProcess(hand_command)
+        # Where robot time waits for this machine, a player that is slow is no danger.
+        still = STILL_MOVING if options.lockstep_patience == 0.0 else STILL_LOCKSTEP
+        hand = HandProcess(hand_command)  # both connect at the same time
         try:
-            driver = PandaDriver(lambda: PlayerProcess(player_command), hand, gate, cell.name)
+            driver = PandaDriver(lambda: PlayerProcess(player_command, still), hand, gate, cell.name)
         except BaseException:
             hand.close()
             raise
         try:
+            hand.await_ready()
             node = RobotNode(
                 driver,
                 (),

@@ -20,6 +20,7 @@ class Ros2Options:
 
     robot: str
     link: Path | None = None
+    listen: str | None = None
     cell: str | None = None
     namespace: str = ""
     rmw_zenoh: bool = False
@@ -49,7 +50,8 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
         What was done, for JSON.
 
     Raises:
-        ConfigError: An option or the cell file is not valid, or the file cannot be written.
+        ConfigError: An option, the link file or the cell file is not valid, or the file cannot be written.
+        MachineError: The port to listen at is in use.
         RobotGoneError: Nobody answers at the endpoint.
     """
     _check(options)
@@ -60,17 +62,21 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
     from hw_interface.ros2.keys import BridgeNaming, RmwNaming
     from hw_interface.ros2.publishing import Ros2Publisher
     from hw_interface.ros2.relay import Relay, Sink, watch_cameras
-    from hw_interface.transport import open_client_session
+    from hw_interface.transport import open_client_session, open_listening_session
 
     security = link_or_none(options.link)
     with ExitStack() as stack:
         client = stack.enter_context(CellClient.connect(options.robot, security=security))
         view = make_view(_cell(options.cell, client.info.cell))
-        session = open_client_session(options.robot, security=security)
+        session = outward = open_client_session(options.robot, security=security)
         stack.callback(session.close)
+        endpoint = options.robot
+        if options.listen is not None:
+            outward, endpoint = open_listening_session(options.listen)
+            stack.callback(outward.close)
         space = options.namespace.strip("/")
         naming = RmwNaming(options.domain, space) if options.rmw_zenoh else BridgeNaming(space)
-        publisher = Ros2Publisher(session, naming)
+        publisher = Ros2Publisher(outward, naming)
         stack.callback(publisher.close)
         sinks: list[Sink] = [publisher]
         if options.mcap is not None:
@@ -92,7 +98,7 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
             stack.callback(watching.join, 5.0)
             stack.callback(ended.set)
         kind = "rmw_zenoh" if options.rmw_zenoh else "zenoh-bridge-ros2dds"
-        say(f"cell {client.info.cell} at {options.robot} for {kind}: {naming.key('joint_states', JOINT_STATE)}, ...")
+        say(f"cell {client.info.cell} at {endpoint} for {kind}: {naming.key('joint_states', JOINT_STATE)}, ...")
         if options.mcap is not None:
             say(f"recording into {options.mcap}")
         say("Ctrl-C ends it")

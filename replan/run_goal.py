@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from control.errors import ConfigError, GoalError
+from control.errors import ConfigError, GoalError, MachineError
 from perception.options import PerceptionOptions
 from planning.baselines import METHODS
 from planning.reasoners import ReasonerOptions
@@ -216,8 +216,9 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             episode.log("parts", reasoner=answered_by, perception=perception.name)
             client: CellClient = stack.enter_context(CellClient.connect(endpoint(), security=security))
             if options.mcap:
-                say = _recorded(episode, client, cell, say, stack)
+                say = _recorded(episode, client, cell, security, say, stack)
             _check_ready(client, options, cell.name, limits.profile, limits.firmware)
+            _check_cameras(client, [c.name for c in cell.cameras])
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
             if on_client:
@@ -275,12 +276,12 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
 
 
 def _recorded(
-    episode, client: "CellClient", cell, say: Callable[[str], None], stack: ExitStack
+    episode, client: "CellClient", cell, security: "LinkSecurity | None", say: Callable[[str], None], stack: ExitStack
 ) -> Callable[[str], None]:
     """Record the run from here on, until `stack` ends; `say` with each line recorded as well."""
     from replan.run_recording import FILE_NAME, RunRecording
 
-    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, say, client.security)
+    recording = RunRecording(episode.folder / FILE_NAME, client.endpoint, cell, security, say)
     stack.callback(recording.close)
     episode.on_event, client.on_frame = recording.event, recording.frame
     return recording.telling(say)
@@ -309,6 +310,22 @@ def _check_ready(client: "CellClient", options: RunOptions, cell_name: str, prof
             why = state.last_error.reason if state.last_error else "stopped on request"
             raise ConfigError(f"the robot is '{state.mode}' ({why}); look at the cell, then say --acknowledge")
         client.acknowledge()
+
+
+def _check_cameras(client: "CellClient", wanted: list[str]) -> None:
+    """Refuse to begin without a camera that the cell file has: what it would have seen might be in the way.
+
+    Raises:
+        MachineError: Nobody offers it.
+    """
+    there = client.cameras()
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise MachineError(
+            f"nobody offers camera '{missing[0]}' of the cell file; there are {', '.join(there) or 'none'}: start "
+            f"its process (replan camera realsense --name {missing[0]} --cell FILE, or zed), or take it out of the "
+            "cell file"
+        )
 
 
 def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack) -> Callable[[], str]:

@@ -29,8 +29,8 @@ class RunRecording:
         path: File to write.
         endpoint: The robot process's.
         cell: Where base and cameras stand.
-        say: Gets a line if the recording has to end before the run does.
         security: Certificates, for a "tls/" endpoint.
+        say: Gets a line if the recording has to end before the run does.
 
     Raises:
         ConfigError: The file cannot be written.
@@ -42,8 +42,8 @@ class RunRecording:
         path: Path,
         endpoint: str,
         cell: "CellConfig",
+        security: "LinkSecurity | None",
         say: Callable[[str], None],
-        security: "LinkSecurity | None" = None,
     ) -> None:
         from hw_interface.ros2.mcap_sink import McapSink
         from hw_interface.ros2.relay import Relay

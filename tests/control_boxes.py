@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from control.limits import REST_Q
 from control.trajectory import SAMPLE_TIME
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
 
@@ -72,6 +73,13 @@ def play(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lambda _
 def desired(robot: Any) -> np.ndarray:
     """Where the box wants the joints, which is where a motion has to start, in [rad], shape (7,)."""
     return np.array(robot.read_once().q_d)
+
+
+def go_home_if_far(robot: Any) -> None:
+    """Back to REST_Q, if any joint is more than half a radian away from it."""
+    way = np.array(REST_Q) - desired(robot)
+    if np.abs(way).max() > 0.5:
+        play(robot, swing(desired(robot), way, 0.6 + float(np.abs(way).max())))
 
 
 def abort_of(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lambda _k: None) -> str:

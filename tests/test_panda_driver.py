@@ -10,21 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.fault_judgement import distance_from
+from benchmarks.panda_side import (
+    PandaSide,
+    acknowledge,
+    certified,
+    gate,
+    panda_side,
+    wait_for_mode,
+    wait_for_progress,
+)
 from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import GripperCommand, Trajectory
 from hw_interface.audit_log import read_audit_log
 from hw_interface.client import CellClient, ExecutionReport
 from tests.hw_support import joined
-from tests.panda_side import (
-    PandaSide,
-    acknowledge,
-    certified,
-    gate,
-    off_path,
-    panda_side,
-    wait_for_mode,
-    wait_for_progress,
-)
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 GATE = gate()
@@ -80,6 +80,11 @@ def commanded(side: PandaSide, folder: Path) -> np.ndarray:
     moving = history.mode == MOVE
     moving[1:] |= moving[:-1]  # the command that ends a motion is followed in a millisecond that is idle already
     return history.q_d[moving]
+
+
+def off_path(rows: np.ndarray, samples: np.ndarray) -> float:
+    """Largest distance per joint in [rad] of rows (m, 7) from the path through samples (n, 7)."""
+    return float(distance_from(rows, samples).max())
 
 
 def rest_time(history, since: int) -> float:

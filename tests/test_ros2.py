@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -335,9 +336,12 @@ def test_a_reader_that_comes_later_still_learns_the_fixed_transforms(robot: SimP
 
 def test_nodes_of_rmw_zenoh_hear_keys_with_hashes_and_numbered_messages(robot: SimProcess, cell_file: Path):
     key = RmwNaming(3).key("joint_states", encoding.JOINT_STATE)
-    options = ("--rmw-zenoh", "--domain", "3", "--camera-rate", "0")
-    with heard(robot.endpoint, "3/joint_states/**") as (session, samples), ros2_process(robot, cell_file, *options):
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        apart = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    options = ("--rmw-zenoh", "--domain", "3", "--camera-rate", "0", "--listen", apart)
+    with ros2_process(robot, cell_file, *options), heard(apart, "3/joint_states/**") as (session, samples):
         assert until(lambda: len(samples) > 10)
+        assert not list(session.get("cell/state", timeout=1.0)), "the robot's own messages are elsewhere"
         tokens = [str(r.ok.key_expr) for r in session.liveliness().get("@ros2_lv/3/**") if r.ok is not None]
     assert {str(s.key_expr) for s in samples} == {key}
     numbers = [int.from_bytes(s.attachment.to_bytes()[:8], "little") for s in samples]

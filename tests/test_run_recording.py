@@ -39,7 +39,7 @@ def test_what_was_done_seen_and_said_is_in_the_recording_of_a_run(robot: SimProc
     path, told = tmp_path / "run.mcap", []
     episode = Episode(tmp_path / "run")
     with CellClient.connect(robot.endpoint) as client:
-        recording = RunRecording(path, robot.endpoint, load_cell("cubes"), told.append)
+        recording = RunRecording(path, robot.endpoint, load_cell("cubes"), None, told.append)
         episode.on_event, client.on_frame = recording.event, recording.frame
         say = recording.telling(told.append)
         say("robot: moving")
@@ -67,4 +67,4 @@ def test_what_was_done_seen_and_said_is_in_the_recording_of_a_run(robot: SimProc
 def test_a_recording_overwrites_nothing(robot: SimProcess, tmp_path: Path):
     (tmp_path / "run.mcap").write_text("precious")
     with pytest.raises(ConfigError, match=r"run\.mcap' exists; name another file, or remove it"):
-        RunRecording(tmp_path / "run.mcap", robot.endpoint, load_cell("cubes"), print)
+        RunRecording(tmp_path / "run.mcap", robot.endpoint, load_cell("cubes"), None, print)

@@ -28,11 +28,11 @@ def offered_cameras(session: zenoh.Session, timeout: float) -> dict[str, list[st
         session: Session of the one who asks.
         timeout: Longest wait for the tokens in [s].
     """
-    found: dict[str, list[str]] = {}
+    found: dict[str, set[str]] = {}  # a session is told of its own tokens twice
     for reply in session.liveliness().get(f"{CAMERA_KEY}/*/*", timeout=timeout):
         if reply.ok is not None:
             camera, owner = str(reply.ok.key_expr).removeprefix(f"{CAMERA_KEY}/").split("/")
-            found.setdefault(camera, []).append(owner)
+            found.setdefault(camera, set()).add(owner)
     return {camera: sorted(found[camera]) for camera in sorted(found)}
 
 

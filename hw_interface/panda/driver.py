@@ -37,7 +37,8 @@ LOG = logging.getLogger(__name__)
 LOAD_TIMEOUT = 5.0  # [s]
 RECOVER_TIMEOUT = 10.0  # [s]; brakes may have to open
 SUPERVISOR = "supervisor"  # who asks the player
-IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # libfranka.RobotMode
+ROBOT_MODES = ("other", "idle", "move", "guiding", "reflex", "user_stopped", "recovery")  # as libfranka.RobotMode
+IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # of these
 Phase = Literal["resting", "playing", "gripping"]
 
 
@@ -82,9 +83,9 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         self._read_up_to -= 1
 
     @property
-    def robot_mode(self) -> int:
-        """Mode of the control box, as in libfranka.RobotMode."""
-        return self._robot_mode
+    def control_box_mode(self) -> str | None:
+        """What the control box says that it does."""
+        return ROBOT_MODES[self._robot_mode] if 0 <= self._robot_mode < len(ROBOT_MODES) else "unknown"
 
     def tick(self) -> None:
         """Look at what was measured, supervise, and clear what comes next. Never raises."""
@@ -117,9 +118,12 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
             raise RefusedError("not_ready", f"{why}; connecting again now: acknowledge again in some seconds")
         if self._connecting:
             raise RefusedError("not_ready", "the control box is being connected to; acknowledge again in some seconds")
-        if (fault := self._hand.read().fault) is not None:
+        hand = self._hand.read()
+        if hand.connecting:
+            raise RefusedError("not_ready", "the gripper is being connected to; acknowledge again in some seconds")
+        if hand.fault is not None:
             self._hand.restart()
-            raise RefusedError("not_ready", f"{fault}; connecting to it anew: acknowledge again in some seconds")
+            raise RefusedError("not_ready", f"{hand.fault}; connecting to it anew: acknowledge again in some seconds")
         try:
             answer = self._player.ask(Recover(), Recovered, RECOVER_TIMEOUT)
         except StackError as error:

@@ -1,6 +1,7 @@
 """The Franka Hand through libfranka, in a thread of its own process: its commands block until they are done."""
 
 import threading
+import time
 from typing import Any
 
 from control.errors import MachineError
@@ -9,6 +10,7 @@ from control.trajectory import GripperCommand
 from hw_interface.panda.hand import HandReading
 
 SPEED = 0.1  # [m/s] between the pads; Franka Hand, product manual: travel speed 50 mm/s a finger
+PATIENCE = 2.5  # [s] without a state after which the gripper is taken to be gone
 NOTHING = 0.002  # [m]; pads nearer than this hold nothing
 
 
@@ -24,15 +26,18 @@ class FrankaHand:
         self._gripper, self._model = gripper, model
         self._worker: threading.Thread | None = None
         self._fault: str | None = None
-        state = gripper.read_once()
-        self._width, self._grasped = float(state.width), bool(state.is_grasped)
+        self._heard = time.monotonic()
+        self._look()
 
     def read(self) -> HandReading:
         """How it stands."""
         busy = self._worker is not None and self._worker.is_alive()
         if not busy and self._fault is None:
-            state = self._gripper.read_once()
-            self._width, self._grasped = float(state.width), bool(state.is_grasped)
+            try:
+                self._look()
+            except Exception as error:  # libfranka gives up on a state that is late; the next one may come
+                if time.monotonic() - self._heard > PATIENCE:
+                    self._fault = f"the gripper sends no states: {' '.join(str(error).split())}"
         return HandReading(self._width, busy, self._grasped and not busy, self._fault)
 
     def restart(self) -> None:
@@ -47,6 +52,10 @@ class FrankaHand:
         self._worker = threading.Thread(target=self._carry_out, args=(command,), daemon=True)
         self._worker.start()
 
+    def _look(self) -> None:
+        state = self._gripper.read_once()
+        self._width, self._grasped, self._heard = float(state.width), bool(state.is_grasped), time.monotonic()
+
     def _carry_out(self, command: GripperCommand) -> None:
         try:
             if command.kind == "move":
@@ -58,6 +67,8 @@ class FrankaHand:
         except Exception as error:
             if "aborted" not in str(error):  # by a newer command
                 self._fault = f"the gripper did not do what it was told: {' '.join(str(error).split())}"
+        finally:
+            self._heard = time.monotonic()
 
 
 def connect_hand(address: str, model: GripperModel) -> FrankaHand:

@@ -15,12 +15,14 @@ class HandReading:
         busy: Whether a command is under way.
         grasped: Whether it holds something.
         fault: What is wrong with it, in words; None while all is well.
+        connecting: Whether it is being connected to, which is a fault until it is.
     """
 
     width: float
     busy: bool
     grasped: bool
     fault: str | None = None
+    connecting: bool = False
 
 
 class Hand(Protocol):

@@ -20,7 +20,7 @@ from hw_interface.panda.link import Link
 from hw_interface.wire import Message
 
 CONNECT_TIMEOUT = 15.0  # [s]
-SILENT = 1.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
+SILENT = 3.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
 TURN = 0.005  # [s]
 _STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8")])
 
@@ -52,23 +52,26 @@ KINDS = (HandReady, HandOrder, HandFault, Refusal)
 
 
 class HandProcess:
-    """The supervisor's side: a `Hand`.
+    """The supervisor's side: a `Hand`, which is being connected to at first.
 
     Args:
         command: Program and arguments of the process; `--link-fd N --board-fd N` are added.
         clock: Monotonic clock in [s].
-
-    Raises:
-        MachineError: The gripper does not answer.
     """
 
     def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._command, self._clock = tuple(command), clock
         self._start()
+
+    def await_ready(self) -> None:
+        """Wait until the gripper has answered.
+
+        Raises:
+            MachineError: It does not.
+        """
         while not self._ready and self._fault is None:
             self._hear(0.1)
         if self._fault is not None:
-            self.close()
             raise MachineError(f"the gripper is not ready: {self._fault}")
 
     def _start(self) -> None:
@@ -113,7 +116,8 @@ class HandProcess:
         if self._fault is None:
             self._hear(0.0)
         fault = self._fault or self._new_fault()
-        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault)
+        connecting = self._fault is None and not self._ready
+        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault, connecting)
 
     def begin(self, command: GripperCommand) -> None:
         """Begin a command."""

@@ -52,7 +52,7 @@ class Player:
         gate: Checks made again here, whatever the supervisor found.
         board, link: Shared with the supervisor.
         missing_mass: Mass in [kg] of a gripper that the control box does not know of; it is announced as load.
-        load_distance: Distance in [m] from the flange, along its z, to where held things have their centre.
+        F_T_EE: Pose of the tool centre point at the flange, shape (4, 4); held things have their centre there.
         patience: Wall time in [s] to wait for the next clearance before beginning to come to rest. 0 on a real robot,
             whose time does not wait; more where the robot's time stands still meanwhile (a control box in lockstep).
         gone: Whether the supervisor's process is gone.
@@ -66,13 +66,14 @@ class Player:
         board: Board,
         link: Link,
         missing_mass: float,
-        load_distance: float,
+        F_T_EE: np.ndarray,
         patience: float,
         gone: Callable[[], bool],
     ) -> None:
         self._robot, self._libfranka = robot, libfranka
         self._gate, self._board, self._link = gate, board, link
-        self._missing_mass, self._load_distance = missing_mass, load_distance
+        self._missing_mass, self._F_T_EE = missing_mass, F_T_EE
+        self._end_effector_told = False
         self._patience = patience
         self._gone = gone
         self._motion = 0
@@ -80,11 +81,16 @@ class Player:
         self._parts: tuple[Part, ...] = ()
         self._used: set[str] = set()
         self._state: Any = None
+        self._waited_for = -1  # last planned row of the clearance whose successor did not come
 
     def run(self) -> None:
         """Serve until the supervisor is gone. The arm rests then: every clearance ends at rest."""
         while not self._gone():
-            self._read_state()
+            try:
+                self._read_state()
+            except Exception as error:  # libfranka's own kinds
+                LOG.error("the connection to the control box broke: %s", " ".join(str(error).split()))
+                return
             try:
                 self._serve()
             except (EOFError, OSError):
@@ -180,7 +186,7 @@ class Player:
         except Exception as error:
             return ended("refused_by_robot", f"the control box refused thresholds or load: {error}")
         positions = self._libfranka.JointPositions
-        elapsed, finished = 0, False
+        elapsed, finished, self._waited_for = 0, False, -1
 
         def callback(state: Any, period: Any) -> Any:
             nonlocal elapsed, finished, row
@@ -209,28 +215,38 @@ class Player:
         """Take the latest clearance, waiting for one only where the robot's time waits as well."""
         if (order := self._board.order()) is not None:
             self._judge(order, begin, cleared, row)
-        if self._patience <= 0.0:
-            return
+        if self._patience <= 0.0 or self._waited_for == cleared.planned:
+            return  # waiting for this one was in vain
         until = time.monotonic() + self._patience
         while cleared.planned < cleared.last and cleared.row(elapsed) >= cleared.planned and time.monotonic() < until:
             if (order := self._board.order()) is not None:
                 self._judge(order, begin, cleared, row)
             time.sleep(1e-4)
             self._board.turn()
+        if time.monotonic() >= until:
+            self._waited_for = cleared.planned
 
     def _judge(self, order: Order, begin: BeginPart, cleared: ClearedPath, row: int) -> None:
         if order.motion != begin.motion or order.part != begin.part:
             why = "it is for another part"
         else:
             why = cleared.accept(order.clearance, row)
+        if why not in (None, "late"):
+            LOG.error("a clearance was refused: %s", why)
         self._board.tell_order(order.sequence, why)
 
     def _announce(self, part: Part) -> None:
         """Tell the box from where on to stop, and what hangs at the flange."""
+        if not self._end_effector_told:
+            self._robot.set_ee([1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+            F_T_NE = np.array(self._robot.read_once().F_T_EE).reshape(4, 4).T  # libfranka's columns come first
+            NE_T_EE = np.linalg.solve(F_T_NE, self._F_T_EE)
+            self._robot.set_ee(NE_T_EE.T.ravel().tolist())
+            self._end_effector_told = True
         self._robot.set_collision_behavior(*thresholds(part).as_arguments())
         mass = part.load + self._missing_mass
         if mass > 0.0:
-            self._robot.set_load(mass, [0.0, 0.0, self._load_distance], POINT)
+            self._robot.set_load(mass, self._F_T_EE[:3, 3].tolist(), POINT)
         else:
             self._robot.set_load(0.0, [0.0, 0.0, 0.0], POINT)
 

@@ -24,11 +24,17 @@ class PlayerProcess:
 
     Args:
         command: Program and arguments; `--link-fd N --board-fd N` are added.
+        still_moving: Time in [s] without a turn of its loop in a motion after which it counts as hung.
         clock: Monotonic clock in [s].
     """
 
-    def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(
+        self,
+        command: Sequence[str],
+        still_moving: float = STILL_MOVING,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock, self._still_moving = clock, still_moving
         ours, theirs = Pipe()
         self.board = Board.create()
         self.link = Link(ours)
@@ -96,7 +102,7 @@ class PlayerProcess:
         if turns != self._turns[0]:
             self._turns = (turns, now)
         still = now - self._turns[1]
-        return still if still > (STILL_MOVING if moving else STILL_RESTING) else None
+        return still if still > (self._still_moving if moving else STILL_RESTING) else None
 
     def ask(self, message: Message, expected: type[Message], wait: float) -> Message:
         """The answer to a request at rest.

@@ -132,20 +132,21 @@ class ControlBox:
     @property
     def errors(self) -> tuple[str, ...]:
         """Names of the present errors, as libfranka prints them."""
-        return tuple(sorted(e.name.lower() for e in self._errors))
+        return tuple(sorted(e.printed for e in self._errors))
 
     @property
     def state(self) -> bytes:
         """The present state as it goes over the wire."""
         return self._record.as_bytes()
 
-    def tick(self, command: np.void | None, counts: bool = True) -> None:
+    def tick(self, command: np.void | None, counts: bool = True, shown: bool = True) -> None:
         """Advance by one millisecond.
 
         Args:
             command: The client's command (`layout.COMMAND`) for it, or None: lost while a motion is followed.
             counts: Whether robot time advances. A state that was sent ahead of a motion's first command has counted
                 its millisecond already.
+            shown: Whether the state is looked at afterwards; without a motion it is not brought up to date else.
         """
         motion = self._motion
         torque: np.ndarray | None = None
@@ -166,18 +167,22 @@ class ControlBox:
             self._push_until = 0
             self._plant.set_push(np.zeros(7))
         self._readings = readings
-        self._watch(readings)
+        shown = shown or self._motion is not None
+        if shown:
+            self._watch(readings)
         self._finish_recovery()
-        self._describe()
-        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q)
+        if shown:
+            self._describe()
+        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q, command is not None)
 
     # requests of the client
 
     def move(self, command_id: int, body: bytes) -> None:
         """Begin a motion."""
         controller, generator = struct.unpack_from("<II", body)
-        if self.mode is not Mode.IDLE:
-            self._say(f"Move refused in mode {self.mode.name.lower()}")
+        if self.mode is not Mode.IDLE or self._set_point.dq.any():
+            braking = " while braking" if self._set_point.dq.any() else ""
+            self._say(f"Move refused in mode {self.mode.name.lower()}{braking}")
             self._answer(Command.MOVE, command_id, MoveStatus.NOT_POSSIBLE)
             return
         joint_generators = (Generator.JOINT_POSITION, Generator.JOINT_VELOCITY)
@@ -220,7 +225,7 @@ class ControlBox:
     def client_gone(self) -> None:
         """The client has left: a motion that it left behind is a failure of communication."""
         if self._motion is not None:
-            self.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+            self.reflex(Error.COMMUNICATION)
         if self._recovery is not None:
             self._recovery = (-1, self._recovery[1])
         self.outbox.clear()
@@ -230,7 +235,7 @@ class ControlBox:
         self._errors.add(error)
         self._last_motion_errors = {error}
         self._recovery = None
-        self._say(f"reflex: {error.name.lower()}")
+        self._say(f"reflex: {error.printed}")
         if self._motion is not None:
             self._abort(self._motion, MoveStatus.REFLEX_ABORTED, StopStatus.REFLEX_ABORTED)
         self._describe()
@@ -272,20 +277,21 @@ class ControlBox:
         motion.success.append(command is not None)
         motion.lost = 0 if command is not None else motion.lost + 1
         if motion.lost >= MOST_LOST:
-            return self._fail(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+            return self._fail(Error.COMMUNICATION)
         q = self._wanted(motion, command)
         error = None
         if first and motion.generator is Generator.JOINT_POSITION:
             error = start_error(q, self._set_point)
-        error = error or command_error(q, self._set_point, self._limits)
+        if error is None:
+            error = command_error(q, self._set_point, self._limits)
         if error is not None:
             return self._fail(error)
         torque = None
         if motion.controller is Controller.EXTERNAL:
             torque = self._tau_d if command is None else np.array(command["tau_J_d"])
             error = torque_command_error(torque, self._tau_d, self._limits)
-            if error is not None or not np.isfinite(torque).all():
-                return self._fail(error or Error.CONTROLLER_TORQUE_DISCONTINUITY)
+            if error is not None:
+                return self._fail(error)
         self._set_point.follow(q)
         if command is not None and command["finished"]:
             return self._finish(motion)

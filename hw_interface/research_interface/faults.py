@@ -27,7 +27,7 @@ import numpy as np
 from control.errors import ConfigError
 from hw_interface.research_interface.clients import Service
 from hw_interface.research_interface.control_box import ControlBox
-from hw_interface.research_interface.layout import Error
+from hw_interface.research_interface.layout import ERROR_NAMES, Error
 
 
 @dataclass
@@ -78,7 +78,7 @@ class FaultCommands:
                 torque[range(7)[int(words[0]) - 1]] = float(words[1])
                 self._box.push(torque, float(words[2]))
             elif name == "reflex":
-                self._box.reflex(Error[words[0].upper()])
+                self._box.reflex(Error(ERROR_NAMES.index(words[0])))
             elif name == "drop":
                 self._faults.drop = int(words[0])
             elif name == "history":

@@ -18,15 +18,24 @@ class History:
         self._mode = np.zeros(KEPT, dtype=np.uint8)
         self._q_d = np.zeros((KEPT, 7))
         self._q = np.zeros((KEPT, 7))
+        self._told = np.zeros(KEPT, dtype=bool)
 
-    def add(self, milliseconds: int, mode: int, q_d: np.ndarray, q: np.ndarray) -> None:
-        """A millisecond: robot time, mode of the box, commanded and measured positions in [rad], shape (7,)."""
+    def add(self, milliseconds: int, mode: int, q_d: np.ndarray, q: np.ndarray, told: bool) -> None:
+        """A millisecond.
+
+        Args:
+            milliseconds: Robot time.
+            mode: Of the box.
+            q_d, q: Commanded and measured positions in [rad], shape (7,).
+            told: Whether a client's command came for it; without one the box extrapolates or brakes by itself.
+        """
         k = self._written % KEPT
         self._time[k], self._mode[k], self._q_d[k], self._q[k] = milliseconds, mode, q_d, q
+        self._told[k] = told
         self._written += 1
 
     def write(self, path: Path) -> int:
-        """Write them to an NPZ file (time, mode, q_d, q), oldest first; returns how many there are.
+        """Write them to an NPZ file (time, mode, q_d, q, told), oldest first; returns how many there are.
 
         Raises:
             ConfigError: The file cannot be written.
@@ -35,7 +44,8 @@ class History:
         rows = np.arange(first, self._written) % KEPT
         try:
             with path.open("wb") as file:
-                np.savez(file, time=self._time[rows], mode=self._mode[rows], q_d=self._q_d[rows], q=self._q[rows])
+                columns = {name: getattr(self, f"_{name}")[rows] for name in ("time", "mode", "q_d", "q", "told")}
+                np.savez(file, **columns)
         except OSError as error:
             raise ConfigError(f"'{path}' cannot be written ({error.strerror})") from error
         return len(rows)

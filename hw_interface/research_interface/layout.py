@@ -237,23 +237,72 @@ class HandStatus(IntEnum):
     ABORTED = 3
 
 
-class Error(IntEnum):
-    """Bits of `errors` and `reflex_reason`; the names in lower case are those that libfranka prints."""
+# Names of the bits of `errors` and `reflex_reason`, as libfranka prints them.
+ERROR_NAMES = (
+    "joint_position_limits_violation",
+    "cartesian_position_limits_violation",
+    "self_collision_avoidance_violation",
+    "joint_velocity_violation",
+    "cartesian_velocity_violation",
+    "force_control_safety_violation",
+    "joint_reflex",
+    "cartesian_reflex",
+    "max_goal_pose_deviation_violation",
+    "max_path_pose_deviation_violation",
+    "cartesian_velocity_profile_safety_violation",
+    "joint_position_motion_generator_start_pose_invalid",
+    "joint_motion_generator_position_limits_violation",
+    "joint_motion_generator_velocity_limits_violation",
+    "joint_motion_generator_velocity_discontinuity",
+    "joint_motion_generator_acceleration_discontinuity",
+    "cartesian_position_motion_generator_start_pose_invalid",
+    "cartesian_motion_generator_elbow_limit_violation",
+    "cartesian_motion_generator_velocity_limits_violation",
+    "cartesian_motion_generator_velocity_discontinuity",
+    "cartesian_motion_generator_acceleration_discontinuity",
+    "cartesian_motion_generator_elbow_sign_inconsistent",
+    "cartesian_motion_generator_start_elbow_invalid",
+    "force_controller_desired_force_tolerance_violation",
+    "start_elbow_sign_inconsistent",
+    "communication_constraints_violation",
+    "power_limit_violation",
+    "cartesian_motion_generator_joint_position_limits_violation",
+    "cartesian_motion_generator_joint_velocity_limits_violation",
+    "cartesian_motion_generator_joint_velocity_discontinuity",
+    "cartesian_motion_generator_joint_acceleration_discontinuity",
+    "cartesian_position_motion_generator_invalid_frame_flag",
+    "controller_torque_discontinuity",
+    "joint_p2p_insufficient_torque_for_planning",
+    "tau_J_range_violation",
+    "instability_detected",
+    "joint_move_in_wrong_direction",
+    "cartesian_spline_motion_generator_violation",
+    "joint_via_motion_generator_planning_joint_limit_violation",
+    "base_acceleration_initialization_timeout",
+    "base_acceleration_invalid_reading",
+)
 
-    JOINT_POSITION_LIMITS_VIOLATION = 0
-    CARTESIAN_POSITION_LIMITS_VIOLATION = 1
-    SELF_COLLISION_AVOIDANCE_VIOLATION = 2
-    JOINT_VELOCITY_VIOLATION = 3
+
+class Error(IntEnum):
+    """The bits that the simulated box sets; `ERROR_NAMES` has their names."""
+
+    JOINT_POSITION_LIMITS = 0
+    JOINT_VELOCITY = 3
     JOINT_REFLEX = 6
     CARTESIAN_REFLEX = 7
-    JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID = 11
-    JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION = 12
-    JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION = 13
-    JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY = 14
-    JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY = 15
-    COMMUNICATION_CONSTRAINTS_VIOLATION = 25
-    CONTROLLER_TORQUE_DISCONTINUITY = 32
-    TAU_J_RANGE_VIOLATION = 34
+    START_POSE = 11
+    COMMANDED_POSITION = 12
+    COMMANDED_VELOCITY = 13
+    COMMANDED_ACCELERATION = 14
+    COMMANDED_JERK = 15
+    COMMUNICATION = 25
+    TORQUE_DISCONTINUITY = 32
+    TORQUE_RANGE = 34
+
+    @property
+    def printed(self) -> str:
+        """As libfranka prints it."""
+        return ERROR_NAMES[self]
 
 
 def response(command: int, command_id: int, status: int, body: bytes = b"") -> bytes:

@@ -26,7 +26,7 @@ SPEED_MARGIN = 1.1
 def start_error(first: np.ndarray, set_point: SetPoint) -> Error | None:
     """Whether a joint-position motion may begin at `first` in [rad], shape (7,)."""
     if not np.abs(first - set_point.q).max() <= START_TOLERANCE:
-        return Error.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID
+        return Error.START_POSE
     return None
 
 
@@ -38,22 +38,22 @@ def command_error(q: np.ndarray, set_point: SetPoint, limits: RobotLimits) -> Er
         set_point: Where the box is.
         limits: Of the robot.
     """
-    if (q < limits.q_min).any() or (q > limits.q_max).any():
-        return Error.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION
+    if not ((q >= limits.q_min) & (q <= limits.q_max)).all():  # not a number is nowhere
+        return Error.COMMANDED_POSITION
     dq, ddq, dddq = set_point.derivatives(q)
     if (np.abs(dq) > limits.qd * ROUNDING).any():
-        return Error.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION
+        return Error.COMMANDED_VELOCITY
     if (np.abs(ddq) > limits.qdd * ROUNDING).any():
-        return Error.JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY
+        return Error.COMMANDED_ACCELERATION
     if (np.abs(dddq) > limits.qddd * ROUNDING).any():
-        return Error.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY
+        return Error.COMMANDED_JERK
     return None
 
 
 def torque_command_error(tau: np.ndarray, before: np.ndarray, limits: RobotLimits) -> Error | None:
     """Whether an external controller's torque jumps; both in [Nm], shape (7,), a millisecond apart."""
-    if (np.abs(tau - before) > limits.taud * SAMPLE_TIME * ROUNDING).any():
-        return Error.CONTROLLER_TORQUE_DISCONTINUITY
+    if not (np.abs(tau - before) <= limits.taud * SAMPLE_TIME * ROUNDING).all():  # not a number is a jump too
+        return Error.TORQUE_DISCONTINUITY
     return None
 
 
@@ -66,9 +66,9 @@ def measured_error(q: np.ndarray, dq: np.ndarray, drive: np.ndarray, limits: Rob
         limits: Of the robot.
     """
     if (np.abs(dq) > limits.qd * SPEED_MARGIN).any():
-        return Error.JOINT_VELOCITY_VIOLATION
+        return Error.JOINT_VELOCITY
     if (q < limits.q_min - POSITION_MARGIN).any() or (q > limits.q_max + POSITION_MARGIN).any():
-        return Error.JOINT_POSITION_LIMITS_VIOLATION
+        return Error.JOINT_POSITION_LIMITS
     if (np.abs(drive) > limits.tau).any():
-        return Error.TAU_J_RANGE_VIOLATION
+        return Error.TORQUE_RANGE
     return None

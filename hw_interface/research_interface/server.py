@@ -59,6 +59,9 @@ FIRST_COMMAND = 2.0  # [s] in which a motion's first command must come, at any p
 # [s] of wall time between states before a motion's first command, in lockstep: libfranka looks at two of them before it
 # commands; the long pause keeps further ones from being under way.
 SOON, AHEAD = 0.002, 0.05
+# [s] of wall time without a command after which the last state is sent again, in lockstep: a datagram may get lost, and
+# then both sides would wait for each other. A client that has seen it takes no notice.
+AGAIN = 0.2
 IDLE_BURST = 5  # milliseconds of robot time between two states at rest, in lockstep
 LONELY_BURST = 20  # likewise without a client, at any pace
 MOST_LATE = 0.005  # [s] of wall time that are caught up after a delay
@@ -86,14 +89,14 @@ class ResearchInterface:
         with_hand: Whether the gripper is Franka's own hand, whose service the box offers; others have their own wire.
         say: Called with one line for every event that a person would want to read.
         leash: To end the loop from elsewhere.
-        between: Called between ticks, at most every few milliseconds, on the loop's thread: the place for answers that
-            look at the world.
 
     Attributes:
         box, hand: State machines.
         arm_model: Pinocchio model of the arm without its hand.
         library: Bytes of the model library that clients may load; None where it could not be built.
         leash: Ends the loop.
+        between: Called between ticks on the loop's thread, while the world stands still: the place for answers that
+            look at it; None for nothing.
         control_port: Where the administrative channel listens, or None.
 
     Raises:
@@ -113,10 +116,9 @@ class ResearchInterface:
         with_hand: bool = True,
         say: Callable[[str], None] = lambda _line: None,
         leash: Leash | None = None,
-        between: Callable[[], None] | None = None,
     ) -> None:
         self.address, self._pace = address, pace
-        self._between = between
+        self.between: Callable[[], None] | None = None
         self.library: bytes | None = None
         self.leash = leash or Leash()
         plant = Plant(world.model, world.data, gripper)
@@ -128,7 +130,7 @@ class ResearchInterface:
         self._motion: Motion | None = None  # whose beginning has been seen
         self._answered = 0  # id of the last state that a command answered
         self._heard = 0.0  # wall time of the last command, or of the motion's beginning
-        self._next_ahead, self._sent_ahead = 0.0, 0
+        self._next_ahead, self._sent_ahead, self._next_again = 0.0, 0, 0.0
         self._selector = selectors.SelectSelector()  # epoll rounds waits up to whole milliseconds
         self._robot: Service | None = None
         self._gripper: Service | None = None
@@ -204,9 +206,9 @@ class ResearchInterface:
             if self._faults.frozen:
                 due = time.monotonic()
                 continue
-            if self._between is not None:
+            if self.between is not None:
                 begun = time.monotonic()
-                self._between()
+                self.between()
                 due += time.monotonic() - begun  # robot time stands still while a picture is taken
             if self._motion is not self.box.motion:
                 self._begin(self.box.motion)
@@ -228,6 +230,7 @@ class ResearchInterface:
         self._motion = motion
         self._heard = self._next_ahead = time.monotonic()
         self._sent_ahead = 0
+        self._answered = self.box.milliseconds
         self._commands.clear()
 
     def _burst(self) -> float:
@@ -242,15 +245,15 @@ class ResearchInterface:
             if command is not None and self._lost():
                 command = None
             if not motion.started and time.monotonic() - self._heard > FIRST_COMMAND:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
             self._tick(command)
             self._publish()
             return SAMPLE_TIME
         milliseconds = 1 if self._pace == "real-time" else IDLE_BURST
         if not self._robot.connected:
             milliseconds = LONELY_BURST
-        for _ in range(milliseconds):
-            self._tick(None)
+        for left in reversed(range(milliseconds)):
+            self._tick(None, shown=left == 0)
         self._publish()
         return milliseconds * SAMPLE_TIME
 
@@ -263,11 +266,13 @@ class ResearchInterface:
                 self._next_ahead = now + (SOON if self._sent_ahead == 1 else AHEAD)
                 self._tick(None)
                 self._publish()
+            elif motion.started and now >= self._next_again:
+                self._publish()
             self._look(LONGEST_LOOK if motion.started else min(LONGEST_LOOK, max(0.0, self._next_ahead - now)))
         if not self._commands:
             allowed = SILENCE if motion.started else FIRST_COMMAND
             if self.box.motion is motion and time.monotonic() - self._heard > allowed:
-                self.box.reflex(Error.COMMUNICATION_CONSTRAINTS_VIOLATION)
+                self.box.reflex(Error.COMMUNICATION)
                 self._flush()
             return
         self._heard = time.monotonic()
@@ -279,6 +284,8 @@ class ResearchInterface:
     def _obey(self, motion: Motion, command: np.void) -> None:
         """Advance by one command in lockstep, and by those that are missing before it."""
         answers = int(command["message_id"])
+        if answers <= self._answered:
+            return  # left over from the motion before, or twice
         if motion.started:
             for _ in range(answers - self._answered - 1):
                 self._tick(None, counts=False)
@@ -295,14 +302,15 @@ class ResearchInterface:
         self._faults.drop -= 1
         return True
 
-    def _tick(self, command: np.void | None, counts: bool = True) -> None:
-        self.box.tick(command, counts)
+    def _tick(self, command: np.void | None, counts: bool = True, shown: bool = True) -> None:
+        self.box.tick(command, counts, shown)
         hand_state = self.hand.tick(self.box.milliseconds)
         if hand_state is not None and self._gripper is not None and not self._gripper.silent:
             self._gripper.send_state(hand_state)
         self._flush()
 
     def _publish(self) -> None:
+        self._next_again = time.monotonic() + AGAIN
         if self._robot is not None and not self._robot.silent:
             self._robot.send_state(self.box.state)
 

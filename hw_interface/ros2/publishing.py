@@ -54,9 +54,8 @@ class _Topic:
                 key,
                 cache=CacheConfig(1),
                 publisher_detection=True,
-                sample_miss_detection=MissDetectionConfig(
-                    None, None
-                ),  # numbers messages; sessions here have no time stamps
+                # Numbers the messages; sessions here have no time stamps.
+                sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             )
         else:
             self._publisher = session.declare_publisher(key)

@@ -1,6 +1,7 @@
 """The command line: one small dataclass per command, light to import; the work is imported when it is run."""
 
 from replan.commands.bench import Bench
+from replan.commands.camera import Camera
 from replan.commands.doctor import Doctor
 from replan.commands.perceive import Perceive
 from replan.commands.record import Record
@@ -17,6 +18,7 @@ COMMANDS = {
     "perceive": Perceive,
     "record": Record,
     "robot": Robot,
+    "camera": Camera,
     "router": Router,
     "security": Security,
     "ros2": Ros2,

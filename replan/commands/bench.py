@@ -227,6 +227,29 @@ class BenchTransport:
 
 
 @dataclass(frozen=True)
+class BenchFaults:
+    """Faults injected into the real driver on the simulated control box: what moved, what rested, what was said."""
+
+    injections: int = 308
+    """How many; the kinds of faults take turns."""
+    kinds: tuple[str, ...] = ()
+    """Names of the faults; default all (an unknown name lists them)."""
+    seed: int = 0
+    """Seed of the first injection of each kind."""
+    jobs: int = 1
+    """Robot sides at a time on this machine; each has four processes."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code."""
+        command = [sys.executable, "-m", "benchmarks.faults", "--injections", str(self.injections)]
+        command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
+        command += ["--kinds", *self.kinds] if self.kinds else []
+        return _call([*command, *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
     verdicts, the control box, transport.
@@ -245,6 +268,7 @@ class Bench:
             | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]
             | Annotated[BenchTransport, tyro.conf.subcommand("transport")]
             | Annotated[BenchResearchInterface, tyro.conf.subcommand("research-interface")]
+            | Annotated[BenchFaults, tyro.conf.subcommand("faults")]
         ]
     ]
 

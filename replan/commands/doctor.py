@@ -23,7 +23,7 @@ class Doctor:
     """
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint to look for a robot at."""
+    """Endpoint of a robot process to look for (tcp/HOST:PORT), or address of a Panda's control box (HOST)."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints; it is examined too (docs/security.md)."""
     robot_side: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

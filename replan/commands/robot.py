@@ -113,6 +113,10 @@ class RobotResearchInterface:
     """Real time as a real robot, or lockstep: a motion advances by the client's commands, however long they take."""
     control_port: int | None = None
     """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
+    endpoint: str | None = None
+    """Also offer the cell's cameras to the robot process or router at this endpoint (tcp/...) once it is there."""
+    score: bool = False
+    """Also answer there with true poses on the key `truth`, for scorers only (benchmarks)."""
     parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print the ready line as JSON."""

@@ -24,9 +24,12 @@ class Ros2:
     """
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    """Endpoint of the robot process or router, or tls/HOST:PORT with --link."""
     link: Path | None = None
     """Link file with this machine's certificates, of role ros2, for tls/ endpoints (docs/security.md)."""
+    listen: str | None = None
+    """Endpoint to offer the topics at, for instance tcp/127.0.0.1:7450, which keeps ROS 2's side away from the robot's
+    own messages. Default: the robot's endpoint."""
     cell: str | None = None
     """Cell file (YAML) that says where base and cameras stand. Default: the built-in cell that is served."""
     namespace: str = ""
@@ -50,6 +53,7 @@ class Ros2:
             Ros2Options(
                 robot=self.robot,
                 link=self.link,
+                listen=self.listen,
                 cell=self.cell,
                 namespace=self.namespace,
                 rmw_zenoh=self.rmw_zenoh,

@@ -26,12 +26,15 @@ PATIENCE = 0.5  # [s] of wall time that the lockstep box's clock may wait for a 
 
 @dataclass(frozen=True)
 class History:
-    """What the box did, a row a millisecond: robot time in [ms], mode, commanded and measured positions in [rad]."""
+    """What the box did, a row a millisecond: robot time in [ms], mode, commanded and measured positions in [rad], and
+    whether a client's command came (without one the box extrapolates or brakes by itself).
+    """
 
     time: np.ndarray
     mode: np.ndarray
     q_d: np.ndarray
     q: np.ndarray
+    told: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class PandaSide:
         path = folder / f"{uuid.uuid4().hex}.npz"
         self.box.faults.send(f"history {path}")
         with np.load(path) as arrays:
-            return History(arrays["time"], arrays["mode"], arrays["q_d"], arrays["q"])
+            return History(arrays["time"], arrays["mode"], arrays["q_d"], arrays["q"], arrays["told"])
 
 
 @contextmanager
@@ -132,18 +135,3 @@ def wait_for_mode(client: CellClient, *modes: str, deadline: float = 20.0) -> st
         assert time.monotonic() < until, client.state()
         time.sleep(0.01)
     return mode
-
-
-def off_path(rows: np.ndarray, samples: np.ndarray) -> float:
-    """Largest distance per joint in [rad] of rows (m, 7) from the polyline through samples (n, 7), nearest points."""
-    worst = 0.0
-    for q in rows:
-        k = int(np.argmin(np.abs(samples - q).max(axis=1)))
-        best = float(np.abs(samples[k] - q).max())
-        for a, b in ((max(0, k - 1), k), (k, min(len(samples) - 1, k + 1))):
-            way = samples[b] - samples[a]
-            length = float(way @ way)
-            share = 0.0 if length == 0.0 else float(np.clip((q - samples[a]) @ way / length, 0.0, 1.0))
-            best = min(best, float(np.abs(samples[a] + share * way - q).max()))
-        worst = max(worst, best)
-    return worst

@@ -1,0 +1,188 @@
+"""`replan camera zed|realsense|uvc|recording`: one camera in a process of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from replan.commands.robot import DEFAULT_ENDPOINT
+
+if TYPE_CHECKING:
+    from replan.camera_process import CameraOptions
+    from replan.console import Console
+
+
+@dataclass(frozen=True)
+class WhereFlags:
+    """Where a camera is offered."""
+
+    robot: str = DEFAULT_ENDPOINT
+    """Endpoint of the robot process or router, or tls/HOST:PORT with --link."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
+    name: str | None = None
+    """Name of the camera. Default: the cell file's only one, or the recording's."""
+    max_age: float = 0.5
+    """How old a picture may be when it is handed out, in [s]."""
+    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
+
+    def options(self, cell: str) -> CameraOptions:
+        """As the process wants them."""
+        from replan.camera_process import CameraOptions
+
+        return CameraOptions(self.robot, self.link, cell, self.name, self.max_age, self.parent_pid)
+
+
+@dataclass(frozen=True)
+class CameraZed:
+    """A Stereolabs ZED: the left picture and its depth. Needs the ZED SDK, which brings its own Python package."""
+
+    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
+    """Where it is offered."""
+    cell: str = "cubes"
+    """Built-in cell or cell file (YAML) that says where the camera is."""
+    serial: int | None = None
+    """Serial number. Default: the first camera that there is."""
+    resolution: Literal["VGA", "HD720", "HD1080", "HD1200", "HD2K"] = "HD720"
+    """Picture size; which of them there are depends on the model."""
+    fps: int = 30
+    """Pictures a second."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Offer it until Ctrl-C."""
+        from hw_interface.cameras.zed import ZedSource
+        from replan.camera_process import serve_device
+
+        open_source = lambda _: ZedSource(self.serial, self.resolution, self.fps)  # noqa: E731
+        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+
+
+@dataclass(frozen=True)
+class CameraRealSense:
+    """An Intel RealSense of the D400 family or later: colour, and depth laid over it."""
+
+    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
+    """Where it is offered."""
+    cell: str = "cubes"
+    """Built-in cell or cell file (YAML) that says where the camera is."""
+    serial: str | None = None
+    """Serial number. Default: the only camera that there is."""
+    width: int = 640
+    """Picture width in [px]."""
+    height: int = 480
+    """Picture height in [px]."""
+    fps: int = 30
+    """Pictures a second."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Offer it until Ctrl-C."""
+        from hw_interface.cameras.realsense import RealSenseSource
+        from replan.camera_process import serve_device
+
+        open_source = lambda _: RealSenseSource(self.serial, self.width, self.height, self.fps)  # noqa: E731
+        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+
+
+@dataclass(frozen=True)
+class CameraUvc:
+    """Any other camera, colour only: nothing can be located with it, as it measures no depth.
+
+    For films, recordings and pictures shown to language models. `replan run` refuses to look with it alone.
+    """
+
+    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
+    """Where it is offered."""
+    cell: str = "cubes"
+    """Built-in cell or cell file (YAML) that says where the camera is, and its lens."""
+    device: str = "0"
+    """Its number, or a path such as /dev/v4l/by-id/..."""
+    intrinsics: Path | None = None
+    """Intrinsics file (YAML or JSON: width, height, fx, fy, cx, cy). Default: as the cell file says."""
+    fps: int = 30
+    """Pictures a second."""
+    latency: float = 0.05
+    """From exposure to when a picture comes, in [s]; such cameras do not tell."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Offer it until Ctrl-C."""
+        from hw_interface.cameras.uvc import UvcSource
+        from perception.recording_intrinsics import read_intrinsics
+        from replan.camera_process import serve_device
+
+        lens = None if self.intrinsics is None else read_intrinsics(self.intrinsics).intrinsics
+        device = int(self.device) if self.device.isdecimal() else self.device
+        open_source = lambda camera: UvcSource(device, lens or camera.intrinsics, self.fps, self.latency)  # noqa: E731
+        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+
+
+@dataclass(frozen=True)
+class CameraRecording:
+    """A recording in the place of a camera, stamped as if its pictures were taken now. For trying things out.
+
+    What it shows is not what stands before the robot: never use it with a real arm.
+    """
+
+    path: tyro.conf.Positional[Path]
+    """Folder of PNG pairs, BOP scene, .mcap or .npz, as `replan perceive` reads them."""
+    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
+    """Where it is offered."""
+    camera: str | None = None
+    """Which camera of the recording. Default: that of its first picture."""
+    intrinsics: Path | None = None
+    """Intrinsics file, where the recording carries none."""
+    loop: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Begin again at the end."""
+    every_frame: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Give each picture to one request, in order, instead of at the pace that they were recorded at."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Offer it until Ctrl-C, or until it has ended."""
+        from hw_interface.cameras.recorded import RecordedSource
+        from perception.recordings import open_recording
+        from replan.camera_process import serve_recording
+
+        recording = open_recording(self.path, self.intrinsics)
+        source = RecordedSource(recording, self.camera, paced=not self.every_frame, loop=self.loop)
+        name = self.where.name or source.camera
+        done = serve_recording(self.where.options("cubes"), source, name, self.every_frame, console.note)
+        return _told(console, done)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera in a process of its own: a ZED, a RealSense, any other, or a recording in its place."""
+
+    which: tyro.conf.OmitSubcommandPrefixes[
+        tyro.conf.OmitArgPrefixes[
+            Annotated[CameraZed, tyro.conf.subcommand("zed")]
+            | Annotated[CameraRealSense, tyro.conf.subcommand("realsense")]
+            | Annotated[CameraUvc, tyro.conf.subcommand("uvc")]
+            | Annotated[CameraRecording, tyro.conf.subcommand("recording")]
+        ]
+    ]
+
+    @property
+    def json(self) -> bool:
+        """Whether the chosen command prints JSON."""
+        return self.which.json
+
+    def execute(self, console: Console) -> int:
+        """Run the chosen command."""
+        return self.which.execute(console)
+
+
+def _told(console: Console, done: dict[str, Any]) -> int:
+    why = f" ({done['ended']})" if done["ended"] else ""
+    console.result(done, f"camera '{done['camera']}' ended{why}: {done['frames']} pictures, {done['dropped']} dropped")
+    return 0
