@@ -33,10 +33,12 @@ from benchmarks.faulty_link import FaultyLink
 from benchmarks.panda_side import PandaSide, acknowledge, certified, gate, panda_side, wait_for_progress
 from control.certificate_file import write_certificate
 from control.errors import RefusedError, StackError
+from control.limits import REST_Q
 from control.trajectory import GripperCommand, GripperEvent, Trajectory, TrajectorySegment
 from control.trajectory_file import write_trajectory
 from hw_interface.audit_log import DamagedLine, read_audit_log
 from hw_interface.client import CellClient
+from hw_interface.gate import Gate
 
 STILL = 0.4  # [s] of wall time after the rest in which nothing may move
 REST = 10.0  # [s] of wall time that a motion may go on after the operator knows; its box may wait for a clearance
@@ -75,18 +77,29 @@ class Injection:
     note: str = ""
 
 
-def random_motion(client: CellClient, rng: np.random.Generator, grip: bool) -> Trajectory:
-    """From where the arm is held to somewhere near and back, with a gripper command in between or not."""
-    q0 = np.array(client.state().q_d)
-    way = rng.uniform(-0.35, 0.35, 7) * np.array([1, 0.5, 1, 0.5, 1, 0.5, 1])
-    home = np.array([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])
-    q1 = home + way
-    seconds = float(rng.uniform(1.2, 2.0))
+def random_motion(client: CellClient, of: Gate, rng: np.random.Generator, grip: bool) -> Trajectory:
+    """From where the arm is held to somewhere near and back, with a gripper command in between or not; as slow as the
+    gate wants it.
+    """
+    q0, home = np.array(client.state().q_d), np.array(REST_Q)
+    q1 = home + rng.uniform(-0.35, 0.35, 7) * np.array([1, 0.5, 1, 0.5, 1, 0.5, 1])
+    seconds, width = float(rng.uniform(1.2, 2.0)), float(rng.uniform(0.02, 0.07))
+    while True:
+        motion = _there_and_back(q0, q1, seconds, width if grip else None)
+        try:
+            of.check_limits(motion)
+        except RefusedError:
+            seconds *= 1.2
+        else:
+            return motion
+
+
+def _there_and_back(q0: np.ndarray, q1: np.ndarray, seconds: float, width: float | None) -> Trajectory:
     n = round(seconds * 1000)
     t = np.linspace(0.0, 1.0, n + 1)[:, None]
     # Septic: jerk is continuous, so that a stop may begin anywhere.
     s = 35 * t**4 - 84 * t**5 + 70 * t**6 - 20 * t**7
-    dwell = 800 if grip else 0
+    dwell = 0 if width is None else 800
     there, back = q0 + s * (q1 - q0), q1 + s[1:] * (q0 - q1)
     q = np.concatenate([there, np.repeat(q1[None], dwell, axis=0), back])
     padded = np.concatenate([q[:1], q, q[-1:]])
@@ -94,8 +107,7 @@ def random_motion(client: CellClient, rng: np.random.Generator, grip: bool) -> T
     qdd = (padded[2:] - 2 * q + padded[:-2]) / 1e-6
     for k in (0, -1):
         qd[k], qdd[k] = 0.0, 0.0
-    width = float(rng.uniform(0.02, 0.07))
-    events = (GripperEvent(n / 1000, dwell / 1000, GripperCommand("move", width)),) if grip else ()
+    events = () if width is None else (GripperEvent(n / 1000, dwell / 1000, GripperCommand("move", width)),)
     segments = (TrajectorySegment("there", 0, n + 1), TrajectorySegment("back", n + 1, len(q)))
     return Trajectory(q, qd, qdd, events, segments)
 
@@ -193,7 +205,7 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
     watcher = rig.ready()
     side = rig.side
     folder = Path(tempfile.mkdtemp(dir=rig.folder))
-    trajectory = random_motion(watcher, rng, grip="gripper" in kind.name)
+    trajectory = random_motion(watcher, rig.gate, rng, grip="gripper" in kind.name)
     link = FaultyLink(side.endpoint, seed)
     scene = Scene(
         side, rig.gate, watcher, None, link, trajectory, certified(trajectory, rig.gate), rng, {}, [link.close]

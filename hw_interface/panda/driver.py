@@ -35,7 +35,7 @@ from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)
 LOAD_TIMEOUT = 5.0  # [s]
-RECOVER_TIMEOUT = 10.0  # [s]; brakes may have to open
+RECOVER_TIMEOUT = 3.0  # [s]; a client waits 5 s for its answer
 SUPERVISOR = "supervisor"  # who asks the player
 ROBOT_MODES = ("other", "idle", "move", "guiding", "reflex", "user_stopped", "recovery")  # as libfranka.RobotMode
 IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # of these
@@ -127,7 +127,9 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         try:
             answer = self._player.ask(Recover(), Recovered, RECOVER_TIMEOUT)
         except StackError as error:
-            raise RefusedError("not_ready", str(error)) from error
+            raise RefusedError(
+                "not_ready", f"the control box is still recovering ({error}); acknowledge again in some seconds"
+            ) from error
         if isinstance(answer, Refusal):
             raise RefusedError(answer.code, answer.reason)
         # Only what is measured from now on counts.
@@ -271,7 +273,9 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         except OSError as error:
             raise RefusedError("not_ready", "the process that talks to the control box is gone") from error
         except StackError as error:
-            raise RefusedError("not_ready", str(error)) from error
+            raise RefusedError(
+                "not_ready", f"the control box is still recovering ({error}); acknowledge again in some seconds"
+            ) from error
         if isinstance(answer, Refusal):
             raise RefusedError(answer.code, answer.reason)
         self._phase = "resting"
