@@ -33,7 +33,11 @@ class UvcSource:
 
     def __init__(self, device: int | str, intrinsics: CameraIntrinsics, fps: int = 30, latency: float = 0.05) -> None:
         self._intrinsics, self._latency, self._device = intrinsics, latency, device
+        log = cv2.utils.logging
+        level = log.getLogLevel()
+        log.setLogLevel(log.LOG_LEVEL_ERROR)  # what it would warn of is said below, in one line
         self._capture = cv2.VideoCapture(device)
+        log.setLogLevel(level)
         if not self._capture.isOpened():
             raise MachineError(
                 f"camera {device} does not open; see what `v4l2-ctl --list-devices` lists and whether another program "
