@@ -173,7 +173,7 @@ def _drives(bench: Workbench) -> Iterator[Candidate]:
         return
     goal = joint.position(float(bench.subtask.term.value or 0.0))
     holds = Holds(bench, joint, goal)
-    found = False
+    found, shorter = False, []
     for candidate in _driven(bench, joint.name, [holds.ready()]):
         found = True
         yield candidate
@@ -184,11 +184,16 @@ def _drives(bench: Workbench) -> Iterator[Candidate]:
             return
         first = holds.ready(stations)
         if first:
+            shorter.append(first)
             between = float(holds.stations[stations - 1])
             second = Holds(bench, joint, goal, between, first[0].leave[-1]).ready()
             for candidate in _driven(bench, joint.name, [first, second]):
                 found = True
                 yield candidate
+    if not found:
+        free = (first for first in shorter if next(_driven(bench, joint.name, [first]), None) is not None)
+        ends = (joint.fraction(float(first[0].positions[-1])) for first in free)
+        bench.driven_to = next(ends, None)
 
 
 def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:

@@ -102,6 +102,8 @@ def lost(bench: Workbench, scores: list[Score], stats: MotionStats) -> FailureCa
             f"none of {len(scores)} simulated motions reaches the goal; the best ends with: {_short_of(scores[0])}",
             evidence=evidence,
         )
+    if bench.driven_to is not None:
+        evidence["driven_to"] = bench.driven_to
     return FailureCause("no_candidate", subject, _lost_at(bench, subject), evidence=evidence)
 
 
@@ -134,6 +136,11 @@ def _lost_at(bench: Workbench, subject: str) -> str:
         )
     if task.manipulation == "lift" and counts["pairs"]:
         return f"'{subject}' can be taken, but from none of {counts['pairs']} holds raised to {task.term.value:.2f} m"
+    if bench.driven_to is not None:
+        return (
+            f"{subject} can be driven to {bench.driven_to:.0%} at most: no hold of its handle, nor two one after the "
+            "other, takes it further; ask for less"
+        )
     if task.manipulation == "drive":
         if not counts["drives_free"]:
             return (

@@ -37,6 +37,8 @@ class Workbench:
         vias: Waypoints for transits.
         rest_palm: Tool centre point in the rest configuration in [m], shape (3,).
         counts: Candidates by stage.
+        driven_to: Fraction of its range to which the subject, a joint, can be driven where the goal is out of reach;
+            None where no shorter way was found or looked for.
     """
 
     twin: TwinModel
@@ -52,6 +54,7 @@ class Workbench:
     vias: list[np.ndarray] = field(init=False)
     rest_palm: np.ndarray = field(init=False)
     counts: Counter[str] = field(default_factory=Counter)
+    driven_to: float | None = None
     _base_T_world: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+MIXED_PX = 2  # contour points this near to where the thing goes on unseen are of both
+
 
 @dataclass(frozen=True)
 class Outline:
@@ -15,7 +17,7 @@ class Outline:
             both, 0..1. Rendered balls gave 0.63 to 0.85, vessels 0.48 to 0.93, cubes 0.06 to 0.42.
         aspect: Long side by short side of the smallest rectangle around it, >= 1.
         long_px: Long side of that rectangle in [px].
-        fill: Share of the convex hull that the blob covers, 0..1.
+        fill: Share of the convex hull that the blob covers, of what nothing nearer hides, 0..1.
         free: Share of the outline that is the thing's own: neither cut by the picture nor hidden by something nearer.
     """
 
@@ -52,7 +54,9 @@ def own_outline(
     """Which contour points are the thing's own edge, bool, shape (n,).
 
     A point is not when it lies at the picture's border, when the pixel 3 px further out is nearer by `nearer` [m], or
-    when that pixel belongs to something that stands on the thing and is not farther by `nearer`.
+    when that pixel belongs to something that stands on the thing and is not farther by `nearer`. Further out is across
+    the contour: what reaches into the thing from one side, as a finger before it does, makes a dent whose points do not
+    face away from the middle.
 
     Args:
         contour: Pixels (x, y), int, shape (n, 2).
@@ -66,9 +70,7 @@ def own_outline(
     own = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
     if depth is None:
         return own
-    centre = contour.mean(0)
-    away = contour - centre
-    away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
+    away = outward_normals(contour)
     limits = np.array([width - 1, height - 1])
     outer = np.clip(np.round(contour + 3.0 * away).astype(int), 0, limits)
     inner = np.clip(np.round(contour - 3.0 * away).astype(int), 0, limits)
@@ -78,6 +80,28 @@ def own_outline(
     if covering is not None:
         hidden |= covering[outer[:, 1], outer[:, 0]] & ~(gap < -nearer)
     return own & ~hidden
+
+
+def _without_ends(own: np.ndarray) -> np.ndarray:
+    """Own points of a closed contour without those within `MIXED_PX` of one that is not.
+
+    Where an edge goes behind something, pixels are of both; and a spot that lies between hidden ones (a stem that the
+    picture's border cuts) is no outline.
+    """
+    kept = own.copy()
+    for shift in range(1, MIXED_PX + 1):
+        kept &= np.roll(own, shift) & np.roll(own, -shift)
+    return kept
+
+
+def _hidden_area(blob: np.ndarray, hull: np.ndarray, depth: np.ndarray | None, nearer: float) -> int:
+    """Pixels of a blob's hull, beyond the blob, that are nearer than (nine tenths of) the blob itself."""
+    known = np.empty(0) if depth is None else depth[blob & np.isfinite(depth)]
+    if depth is None or not len(known):
+        return 0
+    filled = np.zeros(blob.shape, np.uint8)
+    cv2.fillConvexPoly(filled, hull.reshape(-1, 1, 2), 1)
+    return int(np.count_nonzero((filled > 0) & ~blob & (depth < np.quantile(known, 0.1) - nearer)))
 
 
 def _ellipse_residual(points: np.ndarray) -> float:
@@ -128,19 +152,19 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     (_, _), spans, _ = cv2.minAreaRect(hull.reshape(-1, 1, 2))
     long_px, short_px = max(spans) + 1.0, min(spans) + 1.0
     hull_area = float(cv2.contourArea(hull.reshape(-1, 1, 2).astype(np.float32))) + len(contour) / 2
+    fill = min(1.0, float(blob.sum()) / (hull_area - _hidden_area(blob, hull, depth, nearer)))
     own = own_outline(contour, blob, depth, nearer)
     # Dents of the outline (a stem, a missing pixel) belong to neither an ellipse nor a box: keep what is on the hull.
     off_hull = np.array([cv2.pointPolygonTest(hull.reshape(-1, 1, 2), (float(x), float(y)), True) for x, y in contour])
-    free = contour[own & (off_hull < max(1.5, 0.04 * short_px))].astype(float)
+    free = contour[_without_ends(own) & (off_hull < max(1.5, 0.04 * short_px))].astype(float)
     if len(free) < 12:
-        return Outline(0.58, long_px / short_px, long_px, min(1.0, blob.sum() / hull_area), float(own.mean()))
+        return Outline(0.58, long_px / short_px, long_px, fill, float(own.mean()))
     # A box shows at most six edges from anywhere, of a half-hidden one three and the edge of what hides it.
     share = float(own.mean())
     sides = 6 if share > 0.95 else int(np.clip(round(6 * share) + 1, 4, 6))
     ellipse, polygon = _ellipse_residual(free), _polygon_residual(free, hull, sides)
     # Half a pixel of grid noise on both sides keeps tiny blobs undecided instead of sure.
     roundness = (polygon + 0.15) / (polygon + ellipse + 0.3) if np.isfinite(ellipse) else 0.0
-    fill = min(1.0, float(blob.sum()) / hull_area)
     return Outline(roundness, long_px / short_px, long_px, fill, share)
 
 

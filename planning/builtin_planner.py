@@ -62,7 +62,8 @@ def _joint_lines(clause: Clause, fields: Mapping[str, Any]) -> list[DescriptionL
             f"the builtin reasoner cannot describe '{fields['action']}': there is no joint '{joint}' here that a hand "
             f"can move; there are: {known}"
         )
-    return [DescriptionLine("close", PALM, owner), DescriptionLine(JOINT_STATES[clause.kind], joint)]
+    goal = DescriptionLine(JOINT_STATES[clause.kind], joint, value=clause.share)
+    return [DescriptionLine("close", PALM, owner), goal]
 
 
 def _object_lines(clause: Clause, fields: Mapping[str, Any]) -> list[DescriptionLine]:
@@ -95,7 +96,8 @@ def reward_call(line: DescriptionLine, joints: Sequence[str] = ()) -> str:
         return f"maximize_l2_distance_reward({line.a}, {line.b}, distance={distance})"
     if line.kind == "height":
         return f"set_obj_z_position_reward({line.a}, {line.value:g})"
-    return f"set_joint_fraction_reward({line.a}, {1 if line.kind == 'open' else 0})"
+    share = line.value if line.value is not None else float(line.kind == "open")
+    return f"set_joint_fraction_reward({line.a}, {share:g})"
 
 
 def reward_program(fields: Mapping[str, Any]) -> str:

@@ -12,11 +12,11 @@ from typing import Any
 
 from control.errors import GoalError
 from planning.builtin_planner import AWAY_DISTANCE
-from planning.builtin_situation import SAME_FAILURES, Situation
+from planning.builtin_situation import SAME_FAILURES, Situation, opens
 from planning.goal_language import Clause, Goal, Hint, parse_goal
 from planning.memory import MOTION_FAILED, FailedAttempt
 from planning.names import NameProblem, candidates, with_names
-from planning.scene_facts import JointFact
+from planning.scene_facts import WIDE, JointFact
 
 AWAY_SLACK = 0.02  # [m] by which a body may seem nearer than it was put
 ENOUGH_TRIES = 3  # failed tries after which another lever, weight or door is tried first
@@ -180,11 +180,19 @@ class _Rules:
         return self._open(self._first_door(closed), above)
 
     def _open(self, door: JointFact, above: tuple[str, ...]) -> list[str]:
-        return self._steps(Clause("open", door.name), above)
+        return self._steps(Clause("open", door.name, None, self._how_far(door.name)), above)
+
+    def _how_far(self, door: str) -> str:
+        """How far to open a door to get or see through it: all the way, or as far as failures say that it goes."""
+        for attempt in reversed(self._now.openings_failed(door)):
+            most = re.search(rf"\b{door} can be driven to (\d+) ?% at most", attempt.reason)
+            if most and int(most[1]) >= 100 * WIDE:
+                return f"to {int(most[1])}"
+        return ""
 
     def _first_door(self, doors: Sequence[JointFact]) -> JointFact:
         """The door to try first: one that did not fail, else the one that failed least."""
-        return min(doors, key=lambda d: len(self._now.failures(Clause("open", d.name).as_text())))
+        return min(doors, key=lambda d: len(self._now.openings_failed(d.name)))
 
     def _uncover(self, name: str, place: str | None, above: tuple[str, ...]) -> list[str]:
         """Steps to the nearest closed inside where something may be.
@@ -196,15 +204,15 @@ class _Rules:
         for owner in self._facts.furniture:
             doors = [d for d in self._facts.doors_of(owner) if not d.wide]
             # What was opened once has been looked into, even when it was shut again because it was in the way.
-            doors = [d for d in doors if Clause("open", d.name).as_text() not in self._now.finished]
-            doors = [d for d in doors if Clause("open", d.name).as_text() not in above]
+            doors = [d for d in doors if not self._now.was_opened(d.name)]
+            doors = [d for d in doors if not any(opens(step, d.name) for step in above)]
             if doors and place in (None, owner):
                 closed[owner] = doors
         reasons = []
 
         def order(owner: str) -> tuple[bool, int, bool, float, str]:
             doors = closed[owner]
-            tries = min(len(self._now.failures(Clause("open", d.name).as_text())) for d in doors)
+            tries = min(len(self._now.openings_failed(d.name)) for d in doors)
             looked_into = len(doors) < len(self._facts.doors_of(owner))
             locked = all(self._locked(d.name) for d in doors)
             return locked, tries // ENOUGH_TRIES, looked_into, self._facts.distance(owner), owner
@@ -224,7 +232,7 @@ class _Rules:
 
     def _locked(self, joint: str) -> bool:
         """Whether a joint was found locked and nothing was tried against it since."""
-        found = [a for a in self._now.failures(Clause("open", joint).as_text()) if f"{joint} is locked" in a.reason]
+        found = [a for a in self._now.openings_failed(joint) if f"{joint} is locked" in a.reason]
         return bool(found) and not any(self._unlocks(s) for s in self._now.done_since(found[-1]))
 
     def _unlocks(self, step: str) -> bool:

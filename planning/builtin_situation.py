@@ -32,6 +32,12 @@ _OF_JOINTS = ("open", "close", "pull")
 SHAPES = {"round": "sphere|cylinder", "spherical": "sphere", "square": "box", "angular": "box", "boxy": "box"}
 
 
+def opens(step: str, joint: str) -> bool:
+    """Whether a step opens a joint, however far."""
+    whole = Clause("open", joint).as_text()
+    return step == whole or step.startswith(f"{whole} ")
+
+
 @dataclass(frozen=True)
 class Situation:
     """Everything that a plan is made from.
@@ -61,6 +67,14 @@ class Situation:
     def failures(self, step: str) -> list[FailedAttempt]:
         """Failed attempts at a step."""
         return [a for a in self.attempts if a.action == step]
+
+    def openings_failed(self, joint: str) -> list[FailedAttempt]:
+        """Failed attempts at opening a joint, however far."""
+        return [a for a in self.attempts if opens(a.action, joint)]
+
+    def was_opened(self, joint: str) -> bool:
+        """Whether a step that opens a joint, however far, was finished."""
+        return any(opens(step, joint) for step in self.finished)
 
     def hopeless(self, step: str) -> bool:
         """Whether a step failed in the same words again and again, and nothing was achieved in between."""

@@ -52,7 +52,8 @@ def _same_sense(line: DescriptionLine | None, term: RewardTerm) -> bool:
     """An open joint is not a closed one."""
     if line is None or line.kind not in ("open", "closed"):
         return True
-    return (float(term.value or 0.0) >= 0.5) == (line.kind == "open")
+    share = float(term.value or 0.0)
+    return share == line.value if line.value is not None else (share >= 0.5) == (line.kind == "open")
 
 
 def verify_primary(fields: Mapping[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 palm is close to A
 A is close to B        A is far from B
-A is at height Z       J is open        J is closed
+A is at height Z       J is open        J is N % open        J is closed
 """
 
 import re
@@ -15,7 +15,8 @@ from control.rewards import PALM, REST_POSITION
 LineKind = Literal["close", "far", "height", "open", "closed"]
 
 _LINE = re.compile(
-    r"(?P<a>\w+) is (?:(?P<how>close to|far from) (?P<b>\w+)|at height (?P<z>\d+(?:\.\d+)?)(?: ?m)?|(?P<j>open|closed))"
+    r"(?P<a>\w+) is (?:(?P<how>close to|far from) (?P<b>\w+)|at height (?P<z>\d+(?:\.\d+)?)(?: ?m)?"
+    r"|(?:(?P<share>\d+) ?% )?(?P<j>open)|(?P<shut>closed))"
 )
 
 
@@ -27,7 +28,8 @@ class DescriptionLine:
         kind: Its form.
         a: Object, joint or "palm".
         b: The other object, for close and far; else None.
-        value: Height of the object's centre in [m], for height; else None.
+        value: Height of the object's centre in [m], for height; how far a joint is open, 0..1, where it is not open all
+            the way; else None.
     """
 
     kind: LineKind
@@ -38,7 +40,10 @@ class DescriptionLine:
     def __str__(self) -> str:
         if self.kind in ("close", "far"):
             return f"{self.a} is {'close to' if self.kind == 'close' else 'far from'} {self.b}"
-        return f"{self.a} is at height {self.value:g}" if self.kind == "height" else f"{self.a} is {self.kind}"
+        if self.kind == "height":
+            return f"{self.a} is at height {self.value:g}"
+        share = "" if self.value is None else f"{self.value * 100:.0f} % "
+        return f"{self.a} is {share}{self.kind}"
 
 
 def parse_line(text: str) -> DescriptionLine | None:
@@ -50,7 +55,9 @@ def parse_line(text: str) -> DescriptionLine | None:
         return DescriptionLine("close" if match["how"] == "close to" else "far", match["a"], match["b"])
     if match["z"]:
         return DescriptionLine("height", match["a"], value=float(match["z"]))
-    return DescriptionLine("open" if match["j"] == "open" else "closed", match["a"])
+    if match["shut"]:
+        return DescriptionLine("closed", match["a"])
+    return DescriptionLine("open", match["a"], value=None if match["share"] is None else int(match["share"]) / 100)
 
 
 def find_fault(

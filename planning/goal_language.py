@@ -8,7 +8,7 @@
             | clear|empty               X
             | look for|find|...         X  [in Y]
             | move to|reach|touch|...   X
-            | open|look into|...        X
+            | open|look into|...        X  [to N %]
             | close|shut                X
             | pull|press|operate|...    X
             | see whether               X  is  on|in Y | open | closed
@@ -48,6 +48,7 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
     for kind, pattern in (
         ("check", r"(?:see whether|is) (?P<a>.+?)(?: is)? (?P<how>open|closed)"),
         ("check", r"see whether (?P<a>.+?) is (?P<how>on|in) (?P<b>.+)"),
+        ("open", r"open (?P<a>.+?) (?P<how>to [0-9]{1,3})(?: percent)?"),
         ("open", rf"{_WISH} (?P<a>.+?) {_BE} (?:open|opened)"),
         ("close", rf"{_WISH} (?P<a>.+?) {_BE} (?:closed|shut)"),
         ("away", rf"{_WISH} (?P<a>.+?) (?:{_BE} )?{_FROM} (?P<b>.+)"),
@@ -122,7 +123,7 @@ class Clause:
         kind: What is to happen.
         subject: Words for the thing that it happens to, without an article.
         target: Words for the other thing, for place and away, and where given for find and check.
-        preposition: As it was said, for place; on, in, open or closed for check.
+        preposition: As it was said, for place; on, in, open or closed for check; "to N", in %, for open.
     """
 
     kind: ClauseKind
@@ -140,10 +141,17 @@ class Clause:
         """Words for the things that the clause is about."""
         return (self.subject,) if self.target is None else (self.subject, self.target)
 
+    @property
+    def share(self) -> float | None:
+        """How far something is to be opened, 0..1; None where nothing is said, which means all the way."""
+        said = re.fullmatch(r"to (\d+)", self.preposition)
+        return min(1.0, int(said[1]) / 100) if said and self.kind == "open" else None
+
     def as_text(self) -> str:
         """The clause in its plainest words; parsing them gives the clause back."""
         place = f" in {self.target}" if self.target else ""
         state = f"{self.preposition} {self.target}" if self.target else self.preposition
+        share = f" {self.preposition} %" if self.preposition else ""
         return {
             "place": f"place {self.subject} {self.preposition or 'on'} {self.target}",
             "away": f"move {self.subject} away from {self.target}",
@@ -151,7 +159,7 @@ class Clause:
             "clear": f"clear {self.subject}",
             "find": f"look for {self.subject}{place}",
             "reach": f"reach {self.subject}",
-            "open": f"open {self.subject}",
+            "open": f"open {self.subject}{share}",
             "close": f"close {self.subject}",
             "pull": f"pull {self.subject}",
             "check": f"see whether {self.subject} is {state}",
@@ -293,7 +301,7 @@ def _parse_clauses(part: str, whole: str, before: _Before) -> list[Clause]:
 
 def _clauses(kind: ClauseKind, groups: dict, part: str, whole: str, previous: str | None) -> list[Clause]:
     target = _phrase(groups["b"], whole, previous) if groups.get("b") else None
-    how = (groups.get("how") or "") if kind in ("place", "check") else ""
+    how = (groups.get("how") or "") if kind in ("place", "check", "open") else ""
     how = "in" if how == "with" else how  # "load the oven with the cube"
     clauses = []
     for words in re.split(r" and (?:also )?", groups["a"]):

@@ -29,12 +29,13 @@ def piece(name: str, role: JointRole, *parts: str) -> KnownFurniture:
 
 @dataclass
 class FurnishedWorld(World):
-    """Furniture stands along y = 0.9 m; what lies in it is seen only while all of its doors are open.
+    """Furniture stands along y = 0.9 m; what lies in it is seen only while all of its doors are wide open.
 
     Attributes:
         furniture: By name; each piece is in view.
         fractions: How far joints are open; those left out are closed.
         bolts: Door -> joint that must be open for it to move. Nothing shows them.
+        most: Joint -> how far it can be driven, where not all the way.
         bars: Door -> thing that must be gone from beside its furniture for it to move. The twin sees it.
         rehearsed: What was tried in thought so far.
         rehearsed_at_first_motion: How much of that there was before anything moved.
@@ -44,6 +45,7 @@ class FurnishedWorld(World):
     fractions: dict[str, float] = field(default_factory=dict)
     bolts: Mapping[str, str] = field(default_factory=dict)
     bars: Mapping[str, str] = field(default_factory=dict)
+    most: Mapping[str, float] = field(default_factory=dict)
     rehearsed: list[RewardSpec] = field(default_factory=list)
     rehearsed_at_first_motion: int | None = None
 
@@ -53,7 +55,11 @@ class FurnishedWorld(World):
 
     def _shut_in(self, name: str) -> bool:
         owner = self.furniture.get(self.places.get(name, ""))
-        return owner is not None and owner.has_inside and not all(self.is_open(j.name) for j in owner.joints)
+        return (
+            owner is not None
+            and owner.has_inside
+            and not all(self.fractions.get(j.name, 0.0) > 0.6 for j in owner.joints)
+        )
 
     # eyes
 
@@ -107,6 +113,11 @@ class FurnishedWorld(World):
         return result
 
     def _held_shut(self, term: RewardTerm) -> FailureCause | None:
+        most = self.most.get(term.subject, 1.0)
+        if float(term.value or 0.0) > most:
+            return FailureCause(
+                "no_candidate", term.subject, f"{term.subject} can be driven to {most:.0%} at most: ask for less"
+            )
         bar = self.bars.get(term.subject)
         owner = next(f.name for f in self.furniture.values() if term.subject in [j.name for j in f.joints])
         if bar is None or self.beside.get(bar) != owner:

@@ -76,6 +76,18 @@ def test_a_door_that_one_hold_cannot_open_all_the_way_is_taken_twice():
     assert judge(found, twin, asked("cabinet_right_door", 1.0)).passed
 
 
+def test_a_door_that_no_two_holds_open_all_the_way_is_a_cause_that_says_how_far_it_goes():
+    twin = cabinet(0.74, 0.0, yaw=0.15)
+    cause = plan(twin, asked("cabinet_right_door", 1.0))
+    assert isinstance(cause, FailureCause)
+    assert cause.message == (
+        "cabinet_right_door can be driven to 81% at most: no hold of its handle, nor two one after the other, takes it "
+        "further; ask for less"
+    )
+    assert cause.evidence["driven_to"] == pytest.approx(0.81, abs=0.005)
+    assert isinstance(plan(twin, asked("cabinet_right_door", 0.81)), MotionPlan)
+
+
 def test_a_door_that_was_opened_stays_open_while_the_other_one_is_opened():
     twin, spec = cabinet(right=0.9), asked("cabinet_left_door", 0.7)
     found = plan(twin, spec)

@@ -16,7 +16,7 @@ def frames() -> list[RgbdFrame]:
     """An apple in the open microwave: the shell hides most of it from one side, the wrist's picture cuts it."""
     cell = load_cell("kitchen-explore")
     # From further back than the cell's own camera, whose picture shows too little of the apple to mistake it.
-    static = cell.cameras[0].model_copy(update={"position": (0.05, 0.85, 1.1)})
+    static = cell.cameras[0].model_copy(update={"position": (0.1, 0.85, 1.1)})
     world = build_world(cell.model_copy(update={"cameras": (static, *cell.cameras[1:])}), 2)
     set_fractions(world.model, world.data.qpos, world.furniture["microwave"], {"microwave_door": 0.95})
     mujoco.mj_forward(world.model, world.data)

@@ -135,6 +135,19 @@ def test_actions_become_descriptions_become_programs(action, lines, primary):
     assert (term.kind, term.subject, term.value) == primary
 
 
+def test_a_door_that_is_to_be_opened_in_part_is_described_and_rewarded_so():
+    objects, joints, action = ("cabinet",), ("cabinet_door",), "open cabinet_door to 81 %"
+    fields = {"objects": objects, "joints": joints, "plan": (action,), "observations": (), "action": action}
+    text = ask("motion_description", relocates=False, **fields)
+    description = [str(x) for x in answers.parse_description(text, objects, joints, False)]
+    assert description == ["palm is close to cabinet", "cabinet_door is 81 % open"]
+    code = ask("reward_program", objects=objects, joints=joints, action=action, description=description)
+    assert parse_reward_answer(code, objects, joints).calls[-1].term.value == 0.81
+    call = "set_joint_fraction_reward(cabinet_door, {})"
+    assert ask("verify_reward", description=description, call=call.format("0.81")) == "<step>2</step>"
+    assert ask("verify_reward", description=description, call=call.format("1")) == "<step>-1</step>"
+
+
 def test_a_call_that_serves_no_line_is_found():
     description = ("palm is close to red_cube", "red_cube is close to crate", "door is open")
     for call, line in [
@@ -142,6 +155,7 @@ def test_a_call_that_serves_no_line_is_found():
         ("minimize_l2_distance_reward(palm, crate)", -1),
         ("set_joint_fraction_reward(door, 0)", -1),
         ("set_joint_fraction_reward(door, 1)", 3),
+        ("set_joint_fraction_reward(door, 0.8)", 3),
         ("minimize_l2_distance_reward(crate, red_cube)", 2),
         ("nonsense", -1),
     ]:

@@ -127,6 +127,33 @@ def test_behind_a_locked_door_that_nothing_blocks_a_lever_is_pulled(seed):
 
 
 @pytest.mark.parametrize("seed", NAMINGS)
+def test_a_door_that_does_not_go_all_the_way_is_opened_as_far_as_it_goes(seed):
+    names = Names.draw(seed)
+    door, rod = f"{names.house}_door", f"{names.lever}_rod"
+    world = world_of(names, {names.thing: names.house}, names.house, names.lever, bolts={door: rod}, most={door: 0.81})
+    world.explanation = locked(door)
+    result = reach(f"find the {said(names.thing)}", world)
+    assert result.reached, result.reason
+    assert [s.action for s in result.steps] == [
+        f"open {door}",
+        f"open {door} to 81 %",
+        f"pull {rod}",
+        f"open {door} to 81 %",
+        f"look for {names.thing}",
+    ]
+
+
+def test_a_door_that_hardly_opens_is_not_opened_in_vain():
+    names = Names.draw(0)
+    door = f"{names.house}_door"
+    world = world_of(names, {names.thing: names.house}, names.house, most={door: 0.2})
+    result = reach(f"find the {said(names.thing)}", world)
+    assert not result.reached
+    assert "can be driven to 20% at most" in result.reason
+    assert world.fractions.get(door, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("seed", NAMINGS)
 def test_behind_a_locked_door_a_weight_is_put_on_a_plate_when_no_lever_is_there(seed):
     names = Names.draw(seed)
     door = f"{names.house}_door"

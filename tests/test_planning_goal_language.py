@@ -28,6 +28,8 @@ from planning.names import AmbiguousName, MissingName, closest, mentioned, resol
         ("touch the crate", "reach", "crate", None),
         ("move to the red cube", "reach", "red cube", None),
         ("move the hand to the red cube", "reach", "red cube", None),
+        ("open the left door", "open", "left door", None),
+        ("open the left door to 80 %", "open", "left door", None),
     ],
 )
 def test_goals_of_one_clause(goal, kind, subject, target):
@@ -35,6 +37,13 @@ def test_goals_of_one_clause(goal, kind, subject, target):
     assert (clause.kind, clause.subject, clause.target) == (kind, subject, target)
     assert parse_step(clause.as_text()) == clause or clause.kind == "away"
     assert parse_goal(clause.as_text()).clauses[0].as_text() == clause.as_text()
+
+
+def test_how_far_something_is_to_be_opened_is_understood():
+    (clause,) = parse_goal("open the left door to 80 percent").clauses
+    assert clause.share == 0.8
+    assert clause.as_text() == "open left door to 80 %"
+    assert parse_goal("open the left door").clauses[0].share is None
 
 
 def test_clauses_are_joined_in_order_and_it_means_what_was_named():
