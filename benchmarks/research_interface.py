@@ -226,7 +226,13 @@ def serve_box(address: str, control_port: int, parent: int) -> None:
         data.actuator(servo).ctrl = angle
     world = ArmAlone(model, data)
     server = ResearchInterface(
-        world, panda_limits(), address=address, pace="lockstep", control_port=control_port, leash=Leash(parent)
+        world,
+        panda_limits(),
+        address=address,
+        pace="lockstep",
+        control_port=control_port,
+        say=lambda line: print(line, file=sys.stderr, flush=True),
+        leash=Leash(parent),
     )
     server.announce()
     server.serve()

@@ -11,7 +11,7 @@ One line in, one line of JSON out, over TCP on this machine. The lines:
     freeze on|off                      answer nothing any more, neither TCP nor UDP; robot time stands still
     gripper_silent on|off              the gripper takes requests and does not answer
     gripper off|on                     nothing listens on the gripper's port
-    drop N                             lose the next N commands of the client
+    drop N                             lose the next N commands of the client, in this motion
     version N                          report another protocol version
     history FILE                       write the last 60 s, every millisecond, to an NPZ file (see `history`)
     fci on|off|silent                  answer; refuse connections; take connections and never answer

@@ -66,6 +66,7 @@ IDLE_BURST = 5  # milliseconds of robot time between two states at rest, in lock
 LONELY_BURST = 20  # likewise without a client, at any pace
 MOST_LATE = 0.005  # [s] of wall time that are caught up after a delay
 ANSWER_SHARE = 0.9  # of a millisecond of wall time that a client has at least to answer a state, in real time
+STALLED = 0.5  # [s] of wall time in one turn of the loop that is worth a line
 LONGEST_LOOK = 0.02  # [s] of waiting for anything, so that the leash and the administrative channel are looked at
 
 
@@ -117,7 +118,7 @@ class ResearchInterface:
         say: Callable[[str], None] = lambda _line: None,
         leash: Leash | None = None,
     ) -> None:
-        self.address, self._pace = address, pace
+        self.address, self._pace, self._say = address, pace, say
         self.between: Callable[[], None] | None = None
         self.library: bytes | None = None
         self.leash = leash or Leash()
@@ -200,7 +201,11 @@ class ResearchInterface:
         if self._pace == "lockstep":  # in real time the loop looks for commands itself, once a millisecond
             self._selector.register(self._robot.datagrams, selectors.EVENT_READ, self._receive)
         due = time.monotonic()
+        mark = time.monotonic()
         while not self.leash.ended():
+            mark, before = time.monotonic(), mark
+            if mark - before > STALLED and not self._faults.frozen:
+                self._say(f"this process stood still for {mark - before:.1f} s; a client may have given up meanwhile")
             if self._channel is not None:
                 self._channel.poll(LONGEST_LOOK if self._faults.frozen else 0.0)
             if self._faults.frozen:
@@ -227,6 +232,8 @@ class ResearchInterface:
 
     def _begin(self, motion: Motion | None) -> None:
         """Note that a motion has begun (or ended)."""
+        if motion is None:
+            self._faults.drop = 0
         self._motion = motion
         self._heard = self._next_ahead = time.monotonic()
         self._sent_ahead = 0
