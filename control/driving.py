@@ -27,6 +27,9 @@ LEAVE = (BACK_OFF, 0.06, 0.04)  # [m] back from a handle that was let go; the le
 CAGE = 0.008  # [m] beyond the bar that caging fingers stay open
 HOOKED = 0.5  # least part of the handle's motion along the closing direction for a cage to pull
 ROLL_EFFORT = 1.0  # per [rad] that a handle turns between the pads: it rolls there, and the door lags behind
+# Largest part of a bar's direction across the pads, sin(15 degrees): a bar that turns between them pries them apart,
+# and then jams as they open.
+ASKEW = 0.26
 CAGE_EFFORT = 0.5  # [rad] that a cage is worse than a grip
 MOST_READY = 12
 AT_ONCE = 24  # grasps that are taken along together
@@ -144,6 +147,7 @@ class Holds:
         self._bench = bench
         self._motion = motion = JointMotion.of(bench.twin, joint, start)
         self._near = bench.start_q if near is None else near
+        self._bar = motion.world_T_body[:3, :3] @ joint.handle.axis
         goal = pressed_home(joint, goal)
         self.stations = motion.start + (goal - motion.start) * np.arange(1, ROUGH_STEPS + 1) / ROUGH_STEPS
         offered = handle_grasps(joint.handle, motion.world_T_body)
@@ -183,6 +187,7 @@ class Holds:
             return
         bench = self._bench
         targets = self._targets(rows, self.stations)
+        askew = self._askew(targets, self.stations)
         q = np.array([self._solutions[i] for i, _ in rows])
         left = np.arange(len(rows))
         bench.counts["drives_tried"] += len(rows)
@@ -192,7 +197,8 @@ class Holds:
             at, on = JointAt(float(position)), []
             for n in np.flatnonzero(ok):
                 row = rows[left[n]]
-                if bench.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
+                fits = askew[left[n], k] <= ASKEW
+                if fits and bench.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
                     q[left[n]] = along[n][0]
                     self._passed[row] = k + 1
                     on.append(left[n])
@@ -240,6 +246,19 @@ class Holds:
     def _targets(self, rows: list[_Row], positions: np.ndarray) -> np.ndarray:
         tools = np.array([self._grasps[i].world_T_tcp for i, _ in rows])
         return self._motion.carried_all(tools, positions, np.array([share for _, share in rows]))
+
+    def _askew(self, targets: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """Part of the bar's direction that lies across the pads, 0..1.
+
+        Args:
+            targets: Poses of the tool, shape (rows, n, 4, 4).
+            positions: Of the joint with them in [rad] or [m], shape (n,).
+
+        Returns:
+            Shape (rows, n).
+        """
+        bars = self._motion.turned(self._bar, positions)
+        return np.abs(np.einsum("rni,ni->rn", targets[:, :, :3, 1], bars))
 
     def _opening(self, i: int) -> float | None:
         """The widest opening with which the hand can come to a handle, or None."""

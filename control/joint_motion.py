@@ -63,6 +63,12 @@ class JointMotion:
         out[:, :, :3, :3] = own @ world_T_tools[:, None, :3, :3]
         return out
 
+    def turned(self, direction: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """A direction (3,) of the body at all positions (k,) in [rad] or [m], shape (k, 3)."""
+        if not self.hinge:
+            return np.repeat(direction[None], len(positions), axis=0)
+        return rotation_exp((positions - self.start)[:, None] * self.axis) @ direction
+
     def direction(self, point: np.ndarray) -> np.ndarray:
         """Unit vector in which a point (3,) of the body sets out as the joint position grows."""
         way = np.cross(self.axis, point - self.anchor) if self.hinge else self.axis

@@ -16,7 +16,7 @@ from control.retime import retime
 from control.rewards import RewardSpec, RewardTerm
 from control.robot import RobotModel
 from control.safety import SafetyLimits
-from control.twin_model import TwinModel
+from control.twin_model import FINGER_JOINTS, TwinModel
 from sim_check.payloads import held_payloads
 from sim_check.replay import replay
 from sim_check.verdict import judge_trajectory
@@ -86,6 +86,21 @@ def test_a_door_that_no_two_holds_open_all_the_way_is_a_cause_that_says_how_far_
     )
     assert cause.evidence["driven_to"] == pytest.approx(0.81, abs=0.005)
     assert isinstance(plan(twin, asked("cabinet_right_door", 0.81)), MotionPlan)
+
+
+@pytest.mark.parametrize("yaw", [0.0, -0.3, 0.4])
+def test_a_lever_does_not_pry_the_fingers_apart_and_they_open_at_once(yaw):
+    twin = lever(yaw=yaw)
+    found = plan(twin, asked("lever_rod", 1.0))
+    assert isinstance(found, MotionPlan), found
+    trajectory = retime(found.path, robot(), LIMITS, SAFETY, payloads=held_payloads(twin))
+    (rollout,), _ = replay(trajectory, [twin], 0.5, nthread=1)
+    fingers = [int(twin.model.joint(name).qposadr[0]) for name in FINGER_JOINTS]
+    width = rollout.qpos[:, fingers].sum(axis=1)
+    grasp, release = (event for event in trajectory.gripper[-2:])
+    gripped = float(np.interp(release.time - 0.02, rollout.time, width))
+    assert gripped < grasp.command.width + 0.004
+    assert float(np.interp(release.time + 0.5, rollout.time, width)) == pytest.approx(release.command.width, abs=0.002)
 
 
 def test_a_door_that_was_opened_stays_open_while_the_other_one_is_opened():
