@@ -215,7 +215,7 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
     try:
         operator = Operator(scene, kind.own_process, folder)
         scene.operator_pid = operator.pid
-        wait_for_progress(watcher, int(rng.uniform(0.05, 0.8) * len(trajectory.q)))
+        wait_for_progress(watcher, int(rng.uniform(0.05, 0.7) * len(trajectory.q)))
         fault = _milliseconds(side)
         kind.inject(scene)
         operator.join()

@@ -46,9 +46,14 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k.name in HERE], ids=lambda k: k.name)
 def test_nothing_moves_that_should_not(rig: Rig, kind: Kind):
-    done = inject(rig, kind, seed=1000)
-    assert (done.uncertified, done.false_done, done.log_readable) == (0, False, True), done
-    assert done.outcome in kind.expected, done
+    for seed in (1000, 1001):
+        done = inject(rig, kind, seed)
+        assert (done.uncertified, done.false_done, done.log_readable) == (0, False, True), done
+        if not done.note:
+            break  # else the motion was over before the fault could be injected
+    assert not done.note, done
+    # A lease of 300 ms may end on a machine that is busy with other tests; the arm then rests, whatever else is injected.
+    assert done.outcome in (*kind.expected, "rests"), done
     if kind.loses_supervisor:
         assert done.to_rest is not None and done.to_rest <= 0.5 and done.departure <= 1e-3, done
     if "refused" in kind.expected:
