@@ -42,10 +42,12 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     leash = Leash(options.parent_pid)
     with leash.signals():
         # Where robot time waits for this machine, a player that is slow is no danger.
-        still = STILL_MOVING if options.lockstep_patience == 0.0 else STILL_LOCKSTEP
+        waits = options.lockstep_patience > 0.0
+        still = STILL_LOCKSTEP if waits else STILL_MOVING
         hand = HandProcess(hand_command)  # both connect at the same time
         try:
-            driver = PandaDriver(lambda: PlayerProcess(player_command, still), hand, gate, cell.name)
+            start = lambda: PlayerProcess(player_command, still)  # noqa: E731
+            driver = PandaDriver(start, hand, gate, cell.name, time_waits=waits)
         except BaseException:
             hand.close()
             raise

@@ -23,6 +23,7 @@ from hw_interface.supervisor import SupervisionLimits, Supervisor
 LEAD = 200  # rows (milliseconds) that are cleared as planned; a lost supervisor is noticed by their running out
 RENEW = 25  # rows after which a new clearance is given
 STOP_LEAD = 30  # rows from now until a stop begins: the time to compute it and hand it over
+GIVE_UP = 60  # rows; the next clearance has to be there before those after the present one begin
 THINK_LEAD = 400  # rows from now until a change of speed begins, which takes up to 0.3 s to compute
 
 
@@ -42,6 +43,7 @@ class ClearedMotion:
         trajectory, serial, speed, gate, supervision, started: As for `hw_interface.played_motion.PlayedMotion`.
         number: Ordinal number of the motion, from 1.
         thinker: Where changes of speed are computed, so that clearances go on meanwhile.
+        give_up: Rows before a change of speed would begin at which one that is not worked out yet is given up.
 
     Attributes:
         part: Index of the part that is played, or is next.
@@ -61,6 +63,7 @@ class ClearedMotion:
         started: float,
         number: int,
         thinker: ThreadPoolExecutor,
+        give_up: int = GIVE_UP,
     ) -> None:
         with refusing_plan("too_slow"):
             check_length(len(trajectory.q) - 1, speed)
@@ -83,6 +86,7 @@ class ClearedMotion:
         self._planned = self._last = 0  # last row that is cleared as planned, and at all
         self._change: _Change | None = None
         self._thinker, self._thought = thinker, None
+        self._give_up = give_up
         self._think_from = 0
         self._begun = False
 
@@ -236,8 +240,13 @@ class ClearedMotion:
     def thought(self) -> str | None:
         """Take up a change of speed that was worked out; why it cannot be made, or None."""
         thought: Future[Playback] | None = self._thought
-        if thought is None or not thought.done():
+        if thought is None:
             return None
+        if not thought.done():
+            if self._row + self._give_up < self._think_from:
+                return None
+            self._thought = None  # else the arm would come to rest for want of a clearance
+            return "it was not worked out in time; ask again"
         self._thought = None
         if (error := thought.exception()) is not None:
             return str(error)

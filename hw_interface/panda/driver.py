@@ -27,7 +27,7 @@ from hw_interface.gate import Gate
 from hw_interface.latched_robot import LatchedRobot, internal_trouble
 from hw_interface.messages import Refusal, Trouble
 from hw_interface.motion_messages import TrajectoryRequest
-from hw_interface.panda.cleared_motion import ClearedMotion
+from hw_interface.panda.cleared_motion import GIVE_UP, ClearedMotion
 from hw_interface.panda.hand import Hand
 from hw_interface.panda.link import BeginPart, LoadMotion, MotionLoaded, PartEnded, Recover, Recovered
 from hw_interface.panda.player_process import CONNECT_TIMEOUT, PlayerProcess
@@ -49,6 +49,7 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         start_player: Starts the player's process, connected to the control box.
         hand: The gripper.
         gate, cell, supervision, clock: As for `LatchedRobot`.
+        time_waits: Whether robot time stands still while this process computes (a simulated box in lockstep).
 
     Raises:
         MachineError, RobotGoneError: As for `PlayerProcess`.
@@ -62,8 +63,10 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         cell: str,
         supervision: SupervisionLimits | None = None,
         clock: Callable[[], float] = time.time,
+        time_waits: bool = False,
     ) -> None:
         self._start_player, self._hand = start_player, hand
+        self._time_waits = time_waits
         self._player = start_player()
         self._connecting = False
         self._not_connected = ""  # why the control box is not there
@@ -264,6 +267,7 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
             self._clock(),
             self._motions,
             self._thinker,
+            0 if self._time_waits else GIVE_UP,
         )
         try:
             self._player.link.send(LoadMotion(motion=motion.number))
