@@ -1,5 +1,8 @@
 """A clearance ends at rest on the certified path, and a player takes none that lies or was damaged."""
 
+from collections.abc import Callable
+from concurrent.futures import Future
+
 import numpy as np
 import pytest
 
@@ -7,11 +10,14 @@ from control.errors import RefusedError
 from control.limits import REST_Q, panda_limits
 from control.playback import PROGRESS, Playback
 from control.trajectory import GripperCommand, Trajectory
+from hw_interface.backend import Measured
 from hw_interface.panda.board import RING, Board
 from hw_interface.panda.clearance import JOIN_ROWS, MOST_ROWS, Clearance, ClearedPath, clear
+from hw_interface.panda.cleared_motion import ClearedMotion
 from hw_interface.panda.collision import FREE, HANDLING, thresholds
 from hw_interface.panda.parts import moving_events, parts_of
-from tests.hw_support import joined, swing
+from hw_interface.supervisor import SupervisionLimits
+from tests.hw_support import gate, joined, swing
 
 LIMITS = panda_limits()
 MOTION = swing(2.0, 0.8)
@@ -162,3 +168,61 @@ def test_measurements_come_in_order_and_those_that_were_lost_are_missed():
     assert rows["number"][-1] == supervisor.written == RING + 500
     assert np.all(np.diff(rows["number"].astype(int)) == 1) and rows["number"][0] > 400
     assert len(supervisor.measurements(RING + 490)) == 10
+
+
+class NeverDone:
+    """Takes work and does not do it."""
+
+    def submit(self, *_: object) -> Future:
+        return Future()
+
+
+def supervised(motion: ClearedMotion, cleared: ClearedPath, until: int, each: Callable[[int], None]) -> list[str]:
+    """Play rows as a supervisor and its player do, five at a time; returns what was said of changes of speed."""
+    said = []
+    assert cleared.accept(motion.begin_part(), 0) is None
+    for row in range(0, until, 5):
+        at = MOTION.q[min(row, END)]
+        motion.observe(row, at, Measured(at, np.zeros(7), np.zeros(7), 0.08, False, False), 0.0)
+        each(row)
+        if (why := motion.thought()) is not None:
+            said.append(why)
+        if (clearance := motion.next_clearance()) is not None:
+            assert cleared.accept(clearance, row) is None
+        assert row < cleared.planned or cleared.last == END, "the arm never slows down for want of a clearance"
+    return said
+
+
+def cleared_motion(thinker: object) -> ClearedMotion:
+    return ClearedMotion(MOTION, "serial", 1.0, gate(), SupervisionLimits(), 0.0, 1, thinker)  # type: ignore[arg-type]
+
+
+def test_a_motion_is_cleared_piece_by_piece_to_its_end():
+    motion, cleared = cleared_motion(NeverDone()), path()
+    assert supervised(motion, cleared, END + 1, lambda row: None) == []
+    rows = np.array([cleared.command(k) for k in range(JOIN_ROWS + END - 900, JOIN_ROWS + END + 1)])
+    np.testing.assert_array_equal(rows, MOTION.q[END - 900 :])
+
+
+def test_a_change_of_speed_that_is_not_worked_out_in_time_is_given_up_and_stops_nothing():
+    motion, cleared = cleared_motion(NeverDone()), path()
+    said = supervised(motion, cleared, END + 1, lambda row: motion.change_speed(0.5, gate()) if row == 300 else None)
+    assert said == ["it was not worked out in time; ask again"]
+    assert cleared.last == END
+
+
+def test_a_stop_replaces_what_was_planned_and_ends_on_the_path():
+    motion, cleared = cleared_motion(NeverDone()), path()
+    stopped: list[int] = []
+
+    def stop(row: int) -> None:
+        if row == 800:
+            motion.stopping = True
+            motion.stop()
+            stopped.append(row)
+
+    supervised(motion, cleared, 830, stop)
+    assert stopped and cleared.last < 800 + 400
+    end = cleared.command(10_000)
+    k = int(np.argmin(np.abs(MOTION.q - end).max(axis=1)))
+    assert np.abs(MOTION.q[k] - end).max() < 1e-3 and 800 < k < 1200
