@@ -43,6 +43,7 @@ from hw_interface.transport import (
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
+    LEASE_MS,
     RESULT_KEY,
     SPEED_KEY,
     STATE_KEY,
@@ -162,7 +163,12 @@ class CellClient:
         """
         session = open_client_session(endpoint, timeout, security)
         try:
-            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, security and security.role)
+            role = security and security.role
+            info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, role)
+            if info.lease_ms != LEASE_MS:
+                # How soon this client's end is noticed is for the robot to say, and settled when a session begins.
+                session.close()
+                session = open_client_session(endpoint, timeout, security, info.lease_ms)
             return cls(session, endpoint, info, timeout, security)
         except BaseException:
             session.close()

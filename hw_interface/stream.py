@@ -11,7 +11,7 @@ import threading
 
 import zenoh
 
-MOST_WAITING = 2000  # messages: two seconds at 1 kHz; a reader that stands still is given up after its lease of 0.3 s
+MOST_WAITING = 2000  # messages: two seconds at 1 kHz; a reader that stands still is given up after its lease
 END_TIMEOUT = 1.0  # [s] for what waits when the stream is closed
 
 

@@ -52,7 +52,7 @@ def test_nothing_moves_that_should_not(rig: Rig, kind: Kind):
         if not done.note:
             break  # else the motion was over before the fault could be injected
     assert not done.note, done
-    # A lease of 300 ms may end on a machine that is busy with other tests; then the arm rests, whatever is injected.
+    # A lease may end on a machine that is busy with other tests; then the arm rests, whatever is injected.
     assert done.outcome in (*kind.expected, "rests"), done
     if kind.loses_supervisor:
         assert done.to_rest is not None and done.to_rest <= 0.5 and done.departure <= 1e-3, done

@@ -90,9 +90,9 @@ def test_a_parted_link_brings_the_arm_to_rest_and_a_healed_one_needs_a_person(ro
 
         with pytest.raises(RobotGoneError):
             client.execute(motion, certificate(motion), pull_the_cable)
-        # The lease of 0.3 s, with room for a busy machine.
-        assert time.monotonic() - told[0] < 1.5
-        assert until(lambda: witness.state().mode == "reflex", 2.0), "without its operator the robot rests"
+        # The lease of 0.6 s, with room for a busy machine.
+        assert time.monotonic() - told[0] < 3.0
+        assert until(lambda: witness.state().mode == "reflex", 3.0), "without its operator the robot rests"
         error = witness.state().last_error
         assert error is not None and error.code == "operator_gone"
         rest = np.array(witness.state().q_d)

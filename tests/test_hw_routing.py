@@ -81,7 +81,7 @@ def test_what_one_client_offers_reaches_the_others_through_the_robot_process(end
         later.session.close()
 
 
-@pytest.mark.parametrize(("number", "within"), [(signal.SIGKILL, 0.15), (signal.SIGSTOP, 0.6)])
+@pytest.mark.parametrize(("number", "within"), [(signal.SIGKILL, 0.5), (signal.SIGSTOP, 2.0)])
 def test_a_client_that_is_killed_is_noticed_at_once_and_a_frozen_one_after_its_lease(
     endpoint: str, watch: Watch, number: int, within: float
 ):
@@ -90,7 +90,7 @@ def test_a_client_that_is_killed_is_noticed_at_once_and_a_frozen_one_after_its_l
         struck = time.monotonic()
         os.kill(process.pid, number)
         assert until(lambda: not watch.here())
-        # 8 ms and 0.26 s on an idle machine; the rest is room for a busy one.
+        # 8 ms, and the lease of 0.6 s; the rest is room for a busy machine.
         assert watch.seen[-1][1] - struck < within
         if number == signal.SIGSTOP:
             os.kill(process.pid, signal.SIGCONT)
