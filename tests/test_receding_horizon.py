@@ -61,7 +61,7 @@ def test_a_motion_that_goes_as_predicted_is_left_as_it_is_and_costs_nothing():
 
 
 def test_a_joint_that_lags_behind_is_taken_on_from_where_it_stands():
-    search = searched(stiff(lever(), "lever_rod", 12.0), PULL)
+    search = searched(stiff(lever(), "lever_rod", 60.0), PULL)
     best = search.ranked()[0]
     departure = first_departure(search.bench, best)
     assert departure is not None and departure.at_handle
