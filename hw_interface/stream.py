@@ -1,8 +1,7 @@
 """Publishing small messages many times a second from a loop that must never wait.
 
-A queue between the loop and a thread that publishes takes up what a busy machine or a slow reader holds back, so that
-nothing is lost for as long as the queue lasts. The transport's own choice is to drop after a millisecond (states are
-then lost on a loaded machine, more so when each is sent at once) or to hold up whoever publishes.
+A thread publishes what the loop puts into a queue. What cannot be sent is dropped, never waited for: waiting for one
+reader that stands still would hold up every answer of this process for seconds, that to a stop among them.
 """
 
 import contextlib
@@ -31,7 +30,7 @@ class Stream:
         self, session: zenoh.Session, key: str, priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH
     ) -> None:
         self._publisher = session.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.BLOCK, priority=priority, express=False
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=priority, express=False
         )
         self._waiting: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self.dropped = 0
