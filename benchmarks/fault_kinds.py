@@ -34,7 +34,6 @@ class Scene:
         side: The robot side.
         gate: Of its cell.
         watcher: A client that only looks.
-        operator: The client whose motion is under way.
         operator_pid: Its process, where that is one of its own; else None.
         link: The link that the operator's client goes through.
         trajectory, certificate: The motion.
