@@ -33,13 +33,13 @@ from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import Accepted, FrameRequest, RobotState
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.operator_lease import Operator
-from hw_interface.stream import Stream
 from hw_interface.transport import (
     FRAME_KEY,
     STATE_KEY,
     TRAJECTORY_KEY,
     answer,
     ask,
+    declare_stream,
     open_client_session,
     open_robot_session,
     read_request,
@@ -120,7 +120,7 @@ def deliveries(count: int, machine: str) -> Row:
 def publish_states(rate: float, seconds: float, pipe) -> None:
     """The publishing process: states with a number in `progress` and monotonic time in `stamp`; pictures on request."""
     session, endpoint = open_robot_session("tcp/127.0.0.1:0")
-    stream = Stream(session, STATE_KEY)
+    stream = declare_stream(session, STATE_KEY)
     picture = camera_picture()
     session.declare_queryable(f"{FRAME_KEY}/camera", lambda query: show(query, picture))
     state = perfect_driver()[0].state()
@@ -132,7 +132,7 @@ def publish_states(rate: float, seconds: float, pipe) -> None:
         stream.put(encode(state.model_copy(update={"stamp": time.monotonic(), "progress": number})))
     pipe.send("done")
     pipe.recv()
-    stream.close()
+    stream.undeclare()
     session.close()
 
 

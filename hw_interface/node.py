@@ -30,7 +30,6 @@ from hw_interface.messages import (
 )
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.operator_lease import OperatorLease
-from hw_interface.stream import Stream
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -47,6 +46,7 @@ from hw_interface.transport import (
     TRAJECTORY_KEY,
     TRUTH_KEY,
     answer,
+    declare_stream,
     open_robot_session,
     read_request,
     refusing,
@@ -111,7 +111,7 @@ class RobotNode:
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint, security, connect, lease_ms)
         self._lease = OperatorLease(self._session)
-        self._states = Stream(self._session, STATE_KEY)
+        self._state_publisher = declare_stream(self._session, STATE_KEY)
         self._answers = [
             self._offer(key, handler)
             for key, handler in {
@@ -164,11 +164,10 @@ class RobotNode:
         if now >= self._next_state:
             # On a grid, so that the rate holds on average; after a pause it begins anew.
             self._next_state = max(self._next_state + self.state_period, now)
-            self._states.put(encode(self._driver.state()))
+            self._state_publisher.put(encode(self._driver.state()))
 
     def close(self) -> None:
         """Leave the wire; clients see it at once."""
-        self._states.close()
         self._session.close()
 
     def _answer_info(self, query: zenoh.Query) -> None:

@@ -32,6 +32,9 @@ LEASE_MS = 600
 REAL_ROBOT_LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
 QUEUE_BATCHES = 16  # of 64 kB; with the transport's own 2 a picture of megabytes waits for the sender's thread 50 times
+# States have a queue of their own, so that they overtake pictures, and room for a second at 1 kHz (a batch takes about
+# 100 of them) when a client's machine is busy. Beyond that they are dropped: nobody's slowness holds up a robot's loop.
+STREAM_PRIORITY, _STREAM_QUEUE = zenoh.Priority.INTERACTIVE_HIGH, "interactive_high"
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
 INFO_KEY = "cell/info"
@@ -109,7 +112,7 @@ def _config(
         "transport/link/protocols": ["tcp" if security is None else "tls"],
         "transport/link/tx/lease": lease_ms,
         "transport/link/tx/keep_alive": KEEP_ALIVES_PER_LEASE,
-        "transport/link/tx/queue/size/data": QUEUE_BATCHES,
+        **{f"transport/link/tx/queue/size/{queue}": QUEUE_BATCHES for queue in (_STREAM_QUEUE, "data")},
         "transport/shared_memory/enabled": False,  # segments would outlive a killed process
     }
     if security is not None:
@@ -221,6 +224,16 @@ def _connect(
     except zenoh.ZError as error:
         why = why_no_link(protocol, host, port, security, timeout)
         raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error
+
+
+def declare_stream(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Publisher of small messages at a high rate; to publish takes a millisecond at most, however slow readers are.
+
+    Batched, not express: an express message takes a batch for itself, and states are lost on a busy machine.
+    """
+    return session.declare_publisher(
+        key, congestion_control=zenoh.CongestionControl.DROP, priority=STREAM_PRIORITY, express=False
+    )
 
 
 def ask(
