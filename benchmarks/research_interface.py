@@ -35,6 +35,7 @@ from control.retime import retime
 from control.robot import RobotModel
 from control.rollouts import commands_for
 from control.trajectory import SAMPLE_TIME
+from hw_interface.panda.scheduling import in_own_scheduling
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
 from sim_check.cells import load_cell
 from sim_check.payloads import held_payloads
@@ -145,7 +146,9 @@ class Player:
             target.motion_finished = row >= len(torques)
             return target
 
-        return self.outcome(lambda robot: robot.control(torque, False, 1000.0))
+        return self.outcome(
+            lambda robot: in_own_scheduling(lambda answer: robot.control(answer, False, 1000.0), torque)
+        )
 
 
 def measure(motions: list[Motion], say: Callable[[str], None]) -> list[Outcome]:

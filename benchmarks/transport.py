@@ -33,19 +33,19 @@ from hw_interface.frame_message import FrameMessage
 from hw_interface.messages import Accepted, FrameRequest, RobotState
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.operator_lease import Operator
+from hw_interface.streams import StateReader, declare_stream
 from hw_interface.transport import (
     FRAME_KEY,
     STATE_KEY,
     TRAJECTORY_KEY,
     answer,
     ask,
-    declare_stream,
     open_client_session,
     open_robot_session,
     read_request,
     refusing,
 )
-from hw_interface.wire import decode, encode
+from hw_interface.wire import encode
 from perception.frames import CameraIntrinsics, RgbdFrame
 from tests.hw_support import certificate, from_here, perfect_driver, robot_process, until
 
@@ -175,14 +175,13 @@ def states(rate: float, seconds: float, machine: str, with_pictures: bool) -> Ro
     """States from one process to another."""
     seen: list[tuple[int, float]] = []
 
-    def on_state(sample) -> None:
-        state = decode(sample.payload.to_bytes(), RobotState)
+    def on_state(state: RobotState) -> None:
         seen.append((state.progress, time.monotonic() - state.stamp))
 
     with publisher(rate, seconds) as (pipe, endpoint):
         session = open_client_session(endpoint)
         with contextlib.closing(session):
-            session.declare_subscriber(STATE_KEY, on_state)
+            StateReader(session, on_state)
             time.sleep(SETTLE)
             ended = threading.Event()
             pipe.send("go")

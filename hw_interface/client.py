@@ -16,7 +16,7 @@ from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory import Trajectory
 from hw_interface.camera_messages import CameraHealth, HealthRequest
 from hw_interface.cameras.offers import all_cameras, offered_cameras
-from hw_interface.errors import CameraGoneError, MessageError
+from hw_interface.errors import CameraGoneError
 from hw_interface.frame_message import FrameMessage
 from hw_interface.gate import valid_speed
 from hw_interface.link_security import LinkSecurity
@@ -35,6 +35,7 @@ from hw_interface.messages import (
 from hw_interface.motion_messages import MotionResult, TrajectoryRequest
 from hw_interface.operator_lease import Operator
 from hw_interface.process import SimProcess, start_sim_process
+from hw_interface.streams import StateReader
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -54,7 +55,7 @@ from hw_interface.transport import (
     open_client_session,
 )
 from hw_interface.truth_message import FrameTruthMessage, FrameTruthRequest, TruthMessage, TruthRequest
-from hw_interface.wire import M, Message, decode
+from hw_interface.wire import M, Message
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
@@ -140,10 +141,8 @@ class CellClient:
         self.info = info
         self.on_frame: Callable[[RgbdFrame], None] | None = None
         self._seen: dict[str, list[str]] = {}  # every camera process that was ever there, by camera
-        self._subscribers = (
-            session.declare_subscriber(STATE_KEY, self._on_state),
-            session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True),
-        )
+        self._reader = StateReader(session, self._on_state)
+        self._watch = session.liveliness().declare_subscriber(ALIVE_KEY, self._on_alive, history=True)
 
     @classmethod
     def connect(
@@ -394,11 +393,7 @@ class CellClient:
     def _ask(self, key: str, request: Message, expected: type[M], timeout: float) -> M:
         return ask(self._session, key, request, expected, timeout, self.security and self.security.role)
 
-    def _on_state(self, sample: zenoh.Sample) -> None:
-        try:
-            state = decode(sample.payload.to_bytes(), RobotState)
-        except MessageError:
-            return  # somebody else's garbage; the robot's silence would be noticed
+    def _on_state(self, state: RobotState) -> None:
         with self._news:
             self._latest, self._latest_at, self._count = state, time.monotonic(), self._count + 1
             self._news.notify_all()

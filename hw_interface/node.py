@@ -30,6 +30,7 @@ from hw_interface.messages import (
 )
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.operator_lease import OperatorLease
+from hw_interface.streams import declare_stream
 from hw_interface.transport import (
     ACKNOWLEDGE_KEY,
     ALIVE_KEY,
@@ -46,7 +47,6 @@ from hw_interface.transport import (
     TRAJECTORY_KEY,
     TRUTH_KEY,
     answer,
-    declare_stream,
     open_robot_session,
     read_request,
     refusing,

@@ -226,16 +226,6 @@ def _connect(
         raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error
 
 
-def declare_stream(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """Publisher of small messages at a high rate; to publish takes a millisecond at most, however slow readers are.
-
-    Batched, not express: an express message takes a batch for itself, and states are lost on a busy machine.
-    """
-    return session.declare_publisher(
-        key, congestion_control=zenoh.CongestionControl.DROP, priority=STREAM_PRIORITY, express=False
-    )
-
-
 def ask(
     session: zenoh.Session, key: str, request: Message, expected: type[M], timeout: float, role: Role | None = None
 ) -> M:

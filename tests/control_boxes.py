@@ -9,6 +9,7 @@ import numpy as np
 
 from control.limits import REST_Q
 from control.trajectory import SAMPLE_TIME
+from hw_interface.panda.scheduling import in_own_scheduling
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
 
 THRESHOLD = 40.0  # [Nm], [N]; no motion in free space comes near
@@ -67,7 +68,15 @@ def play(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lambda _
         target.motion_finished = k == len(samples) - 1
         return target
 
-    robot.control_joint_position(sample, libfranka.ControllerMode.kJointImpedance, False, 1000.0)
+    control(robot, sample)
+
+
+def control(robot: Any, callback: Callable[[Any, Any], Any]) -> None:
+    """Play what a callback answers each state with; this process keeps its priority."""
+    from panda_py import libfranka
+
+    mode = libfranka.ControllerMode.kJointImpedance
+    in_own_scheduling(lambda answer: robot.control_joint_position(answer, mode, False, 1000.0), callback)
 
 
 def desired(robot: Any) -> np.ndarray:

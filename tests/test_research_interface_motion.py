@@ -1,5 +1,6 @@
 """The simulated control box obeys the unmodified libfranka, and aborts for the reasons that the real one has."""
 
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -7,8 +8,9 @@ import numpy as np
 import pytest
 
 from control.limits import REST_Q
+from hw_interface.panda.scheduling import in_own_scheduling
 from hw_interface.research_interface.process import ControlBoxProcess
-from tests.control_boxes import abort_of, along, control_box, desired, go_home_if_far, play, robot_at, swing
+from tests.control_boxes import abort_of, along, control, control_box, desired, go_home_if_far, play, robot_at, swing
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
@@ -63,7 +65,7 @@ def test_states_follow_the_motion(robot: Any):
         target.motion_finished = len(states) >= len(samples)
         return target
 
-    robot.control_joint_position(sample, libfranka.ControllerMode.kJointImpedance, False, 1000.0)
+    control(robot, sample)
     middle = states[len(states) // 2]
     assert middle.robot_mode == libfranka.RobotMode.kMove
     assert middle.control_command_success_rate == 1.0
@@ -129,6 +131,24 @@ def test_after_an_abort_at_speed_the_arm_brakes_to_rest_within_its_limits(robot:
     assert way == pytest.approx(speed**2 / (2 * 15.0), rel=0.02)
 
 
+@pytest.mark.parametrize("realtime", [False, True])
+def test_real_time_priority_lasts_for_a_motion_alone_and_only_where_it_is_wanted(robot: Any, realtime: bool):
+    before, during = os.sched_getscheduler(0), []
+    samples = swing(desired(robot), along(1, 0.1), 0.4)
+
+    def sample(_state: Any, _duration: Any) -> Any:
+        during.append(os.sched_getscheduler(0))
+        target = libfranka.JointPositions(samples[min(len(during), len(samples)) - 1].tolist())
+        target.motion_finished = len(during) >= len(samples)
+        return target
+
+    mode = libfranka.ControllerMode.kJointImpedance
+    in_own_scheduling(lambda answer: robot.control_joint_position(answer, mode, False, 1000.0), sample, realtime)
+    assert os.sched_getscheduler(0) == before
+    # Without the right to it (nobody but root and who is allowed by limits.conf) libfranka gets no such priority.
+    assert set(during) == {before} or (realtime and set(during) == {os.SCHED_FIFO})
+
+
 def torques(robot: Any, wanted: np.ndarray) -> None:
     """Play joint torques in [Nm], shape (n, 7)."""
     k = 0
@@ -140,7 +160,7 @@ def torques(robot: Any, wanted: np.ndarray) -> None:
         target.motion_finished = k >= len(wanted)
         return target
 
-    robot.control(torque, False, 1000.0)
+    in_own_scheduling(lambda answer: robot.control(answer, False, 1000.0), torque)
 
 
 def test_an_external_controller_moves_the_arm_by_torques(robot: Any):
@@ -243,7 +263,7 @@ def test_softer_joints_follow_less_exactly(robot: Any):
             target.motion_finished = n >= len(samples)
             return target
 
-        robot.control_joint_position(sample, libfranka.ControllerMode.kJointImpedance, False, 1000.0)
+        control(robot, sample)
         play(robot, swing(desired(robot), along(2, -0.3), 0.6))
         return lag
 

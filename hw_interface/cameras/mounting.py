@@ -13,10 +13,8 @@ from control.errors import RefusedError
 from control.gripper import GripperModel
 from control.robot import RobotModel
 from control.robot_description import HAND_FRAME, arm_model
-from hw_interface.errors import MessageError
 from hw_interface.messages import RobotState
-from hw_interface.transport import STATE_KEY
-from hw_interface.wire import decode
+from hw_interface.streams import StateReader
 
 KEPT = 2.0  # [s] of states; pictures are older by what exposure, read-out and transfer take
 NEAR = 0.05  # [s] from a picture's stamp to the state before and to that after it; states come every 14 ms
@@ -125,15 +123,11 @@ class WristMounting:
         self._world_T_base = world_T_base
         self._hand_T_camera = hand_T_camera
         self.states = ArmStates()
-        self._subscriber = session.declare_subscriber(STATE_KEY, self._on_state)
+        self._reader = StateReader(session, self._on_state)
 
     def pose(self, stamp: float) -> np.ndarray:
         """As in `Mounting`."""
         return self._world_T_base @ self._robot.tcp_pose(self.states.at(stamp)) @ self._hand_T_camera
 
-    def _on_state(self, sample: zenoh.Sample) -> None:
-        try:
-            state = decode(sample.payload.to_bytes(), RobotState)
-        except MessageError:
-            return  # somebody else's garbage
+    def _on_state(self, state: RobotState) -> None:
         self.states.add(state.stamp, state.q)

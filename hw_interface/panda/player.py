@@ -35,6 +35,7 @@ from hw_interface.panda.link import (
     Recovered,
 )
 from hw_interface.panda.parts import Part, parts_of
+from hw_interface.panda.scheduling import in_own_scheduling
 
 LOG = logging.getLogger(__name__)
 TRACKED = 5e-3  # [rad]; a motion begins only where the arm is really held this near to its set point
@@ -56,6 +57,7 @@ class Player:
         patience: Wall time in [s] to wait for the next clearance before beginning to come to rest. 0 on a real robot,
             whose time does not wait; more where the robot's time stands still meanwhile (a control box in lockstep).
         gone: Whether the supervisor's process is gone.
+        realtime: Whether motions are played with real-time priority.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Player:
         F_T_EE: np.ndarray,
         patience: float,
         gone: Callable[[], bool],
+        realtime: bool = False,
     ) -> None:
         self._robot, self._libfranka = robot, libfranka
         self._gate, self._board, self._link = gate, board, link
@@ -76,6 +79,7 @@ class Player:
         self._end_effector_told = False
         self._patience = patience
         self._gone = gone
+        self._realtime = realtime
         self._motion = 0
         self._trajectory: Trajectory | None = None
         self._parts: tuple[Part, ...] = ()
@@ -204,7 +208,9 @@ class Player:
         gc.disable()  # a collection in the middle of a motion would lose packets
         try:
             mode = self._libfranka.ControllerMode.kJointImpedance
-            self._robot.control_joint_position(callback, mode, False, 1000.0)
+            in_own_scheduling(
+                lambda answer: self._robot.control_joint_position(answer, mode, False, 1000.0), callback, self._realtime
+            )
         except Exception as error:
             return ended(*_why_aborted(str(error)))
         finally:
@@ -285,8 +291,8 @@ def _why_aborted(text: str) -> tuple[str, str]:
     return "refused_by_robot", f"the control box did not play the motion: {line}"
 
 
-def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any]:
-    """A connected robot and the libfranka module.
+def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any, bool]:
+    """A connected robot, the libfranka module, and whether motions are to be played in real time.
 
     Args:
         address: Host name or IP of the control box.
@@ -310,7 +316,7 @@ def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any]:
         )
     config = libfranka.RealtimeConfig.kEnforce if enforce else libfranka.RealtimeConfig.kIgnore
     try:
-        return libfranka.Robot(address, config, log_size), libfranka
+        return libfranka.Robot(address, config, log_size), libfranka, enforce
     except Exception as error:
         text = " ".join(str(error).split())
         if "ncompatible" in text:

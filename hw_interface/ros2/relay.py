@@ -19,7 +19,8 @@ from hw_interface.messages import RobotState
 from hw_interface.motion_messages import TrajectoryRequest
 from hw_interface.ros2.encoding import Ros2Message
 from hw_interface.ros2.view import Ros2View
-from hw_interface.transport import EXECUTING_KEY, STATE_KEY
+from hw_interface.streams import StateReader
+from hw_interface.transport import EXECUTING_KEY
 from hw_interface.wire import decode
 from perception.errors import PerceptionError
 from perception.frames import RgbdFrame
@@ -56,10 +57,8 @@ class Relay:
         self._next_fixed = 0.0
         self._next_silence = 0.0
         self.dropped = 0
-        self._subscribers = (
-            session.declare_subscriber(STATE_KEY, self._on_state),
-            session.declare_subscriber(EXECUTING_KEY, self._on_trajectory),
-        )
+        self._reader = StateReader(session, self._on_state)
+        self._subscriber = session.declare_subscriber(EXECUTING_KEY, self._on_trajectory)
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Turn messages over until `ended` says so."""
@@ -102,8 +101,8 @@ class Relay:
 
     def close(self) -> None:
         """Turn over what has come and stop listening; the session stays."""
-        for subscriber in self._subscribers:
-            subscriber.undeclare()
+        self._reader.close()
+        self._subscriber.undeclare()
         while not self._inbox.empty():
             self.step(0.0)
 
@@ -111,11 +110,7 @@ class Relay:
         for sink in self._sinks:
             sink.put(message)
 
-    def _on_state(self, sample: zenoh.Sample) -> None:
-        try:
-            state = decode(sample.payload.to_bytes(), RobotState)
-        except MessageError:
-            return  # somebody else's garbage
+    def _on_state(self, state: RobotState) -> None:
         if self._inbox.qsize() < WAITING // 2:  # the other half is for what comes once
             self._take(state)
         else:
