@@ -44,7 +44,6 @@ from hw_interface.transport import (
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
-    LEASE_MS,
     RESULT_KEY,
     SPEED_KEY,
     STATE_KEY,
@@ -164,10 +163,6 @@ class CellClient:
         try:
             role = security and security.role
             info = ask(session, INFO_KEY, InfoRequest(), CellInfo, timeout, role)
-            if info.lease_ms != LEASE_MS:
-                # How soon this client's end is noticed is for the robot to say, and settled when a session begins.
-                session.close()
-                session = open_client_session(endpoint, timeout, security, info.lease_ms)
             return cls(session, endpoint, info, timeout, security)
         except BaseException:
             session.close()

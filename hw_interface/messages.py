@@ -89,7 +89,6 @@ class CellInfo(Message):
         cameras: Names to ask frames of.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         scored: Whether the key `truth` exists (simulated cells started for a benchmark only).
-        lease_ms: Silence in [ms] after which this robot side wants to take an operator to be gone.
     """
 
     type_name: ClassVar[str] = "cell_info"
@@ -101,7 +100,6 @@ class CellInfo(Message):
     cameras: tuple[Name, ...]
     max_scene_age: float
     scored: bool
-    lease_ms: Annotated[int, Field(gt=0)]
 
 
 class InfoRequest(Message):

@@ -39,7 +39,6 @@ from hw_interface.transport import (
     FRAME_KEY,
     FRAME_TRUTH_KEY,
     INFO_KEY,
-    LEASE_MS,
     RESULT_KEY,
     SPEED_KEY,
     STATE_KEY,
@@ -71,7 +70,6 @@ class RobotNode:
         security, connect: As in `hw_interface.transport.open_robot_session`.
         truth: For simulated cells that are scored: what truly stands there; None leaves the key out.
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
-        lease_ms: As in `hw_interface.transport.open_listening_session`; clients take it over.
         audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
         state_rate: States a second to publish, 1 to 1000, as far as `serve` is called as often.
 
@@ -95,13 +93,12 @@ class RobotNode:
         security: LinkSecurity | None = None,
         connect: bool = False,
         audit: AuditLog | None = None,
-        lease_ms: int = LEASE_MS,
         state_rate: float = STATE_RATE,
     ) -> None:
         if not 1.0 <= state_rate <= MOST_STATES:
             raise ConfigError(f"{state_rate:g} states a second are not valid; give 1 to {MOST_STATES:g}")
         self.state_period = 1.0 / state_rate
-        self._driver, self._lease_ms = driver, lease_ms
+        self._driver = driver
         self._audit = Audit(driver, audit)
         self._cameras = cameras
         self._take_frame = take_frame
@@ -109,7 +106,7 @@ class RobotNode:
         self._frame_truth = frame_truth
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
-        self._session, self.endpoint = open_robot_session(endpoint, security, connect, lease_ms)
+        self._session, self.endpoint = open_robot_session(endpoint, security, connect)
         self._lease = OperatorLease(self._session)
         self._state_publisher = declare_stream(self._session, STATE_KEY)
         self._answers = [
@@ -181,7 +178,6 @@ class RobotNode:
             cameras=self._cameras,
             max_scene_age=self._driver.gate.max_scene_age,
             scored=self._truth is not None,
-            lease_ms=self._lease_ms,
         )
         answer(query, info)
 

@@ -1,7 +1,7 @@
 """Who may have the robot moved: one operator at a time, for as long as that program lives and its heart beats.
 
 An operator is a client that has sent a motion. It holds a liveliness token, which goes when its process is killed, its
-link is cut or, after the lease (300 ms at a real robot, 600 ms at a simulated one), when it is frozen; and it beats by
+link is cut or, after the lease (300 ms), when it is frozen; and it beats by
 itself, which shows that its interpreter still runs. Losing either while a motion is played brings the arm to rest on
 its path.
 """

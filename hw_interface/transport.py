@@ -25,11 +25,9 @@ from hw_interface.wire import M, Message, decode, encode
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 # A killed process is noticed at once, a frozen one after its lease. Keep-alives come from the transport's own threads,
-# so a process that computes for seconds without letting go of Python's lock keeps its lease.
-# Machines that do other work as well may let a thread wait for some tenths of a second; a real robot has computers of
-# its own.
-LEASE_MS = 600
-REAL_ROBOT_LEASE_MS = 300
+# so a process that computes for seconds without letting go of Python's lock keeps its lease. Nor did a link lose it in
+# 40 s with five times as many busy processes as processors.
+LEASE_MS = 300
 KEEP_ALIVES_PER_LEASE = 4
 QUEUE_BATCHES = 16  # of 64 kB; with the transport's own 2 a picture of megabytes waits for the sender's thread 50 times
 # States have a queue of their own, so that they overtake pictures, and room for a second at 1 kHz (a batch takes about
@@ -97,7 +95,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def _config(
-    mode: str, listen: list[str], connect: list[str], timeout: float, security: LinkSecurity | None, lease_ms: int
+    mode: str, listen: list[str], connect: list[str], timeout: float, security: LinkSecurity | None
 ) -> zenoh.Config:
     config = zenoh.Config()
     settings = {
@@ -110,7 +108,7 @@ def _config(
         "connect/timeout_ms": round(timeout * 1000),
         "connect/exit_on_failure": True,
         "transport/link/protocols": ["tcp" if security is None else "tls"],
-        "transport/link/tx/lease": lease_ms,
+        "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/keep_alive": KEEP_ALIVES_PER_LEASE,
         **{f"transport/link/tx/queue/size/{queue}": QUEUE_BATCHES for queue in (_STREAM_QUEUE, "data")},
         "transport/shared_memory/enabled": False,  # segments would outlive a killed process
@@ -125,13 +123,12 @@ def _config(
 
 
 def open_listening_session(
-    endpoint: str = DEFAULT_ENDPOINT, security: LinkSecurity | None = None, lease_ms: int = LEASE_MS
+    endpoint: str = DEFAULT_ENDPOINT, security: LinkSecurity | None = None
 ) -> tuple[zenoh.Session, str]:
     """Session that listens at the endpoint and passes on what its clients say to each other.
 
     Args:
         security: Certificates, for a "tls/" endpoint; the session enforces the rights of `hw_interface.link_rights`.
-        lease_ms: Silence in [ms] after which the other sides take this one to be gone.
 
     Returns:
         The session, and the endpoint with the port it really has.
@@ -148,7 +145,7 @@ def open_listening_session(
             port = probe.getsockname()[1]
         endpoint = f"{protocol}/{host}:{port}"
     try:
-        return zenoh.open(_config("router", [endpoint], [], 1.0, security, lease_ms)), endpoint
+        return zenoh.open(_config("router", [endpoint], [], 1.0, security)), endpoint
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise MachineError(
@@ -162,7 +159,6 @@ def open_robot_session(
     endpoint: str = DEFAULT_ENDPOINT,
     security: LinkSecurity | None = None,
     connect: bool = False,
-    lease_ms: int = LEASE_MS,
 ) -> tuple[zenoh.Session, str]:
     """Session of a robot process, and the endpoint at which clients find it.
 
@@ -170,7 +166,6 @@ def open_robot_session(
         endpoint: Where to listen; with `connect`, where the router listens that the robot joins.
         security: Certificates, for a "tls/" endpoint.
         connect: Connect to a router instead of listening.
-        lease_ms: As for `open_listening_session`.
 
     Raises:
         ConfigError: The endpoint is not valid, or the certificate is not a robot's.
@@ -178,10 +173,10 @@ def open_robot_session(
         RobotGoneError: No router answers there.
     """
     if not connect:
-        return open_listening_session(endpoint, security, lease_ms)
+        return open_listening_session(endpoint, security)
     if security is not None and security.role != "robot":
         raise ConfigError(f"the link file has role '{security.role}'; a robot process needs one with role 'robot'")
-    session = _connect(endpoint, 5.0, security, lease_ms, "router", "start one (replan router)")
+    session = _connect(endpoint, 5.0, security, "router", "start one (replan router)")
     if any(reply.ok is not None for reply in session.liveliness().get(ALIVE_KEY, timeout=1.0)):
         session.close()
         raise MachineError(f"the router at {endpoint} has a robot already; end that one, or start another router")
@@ -192,14 +187,12 @@ def open_client_session(
     endpoint: str = DEFAULT_ENDPOINT,
     timeout: float = 5.0,
     security: LinkSecurity | None = None,
-    lease_ms: int = LEASE_MS,
 ) -> zenoh.Session:
     """Session of a client, connected to the robot process or router at the endpoint within `timeout` seconds.
 
     Args:
         timeout: Longest wait in [s].
         security: Certificates, for a "tls/" endpoint.
-        lease_ms: As for `open_listening_session`.
 
     Raises:
         ConfigError: The endpoint is not valid.
@@ -209,18 +202,15 @@ def open_client_session(
         endpoint,
         timeout,
         security,
-        lease_ms,
         "robot process",
         "start one (replan robot sim) or give the endpoint that it printed",
     )
 
 
-def _connect(
-    endpoint: str, timeout: float, security: LinkSecurity | None, lease_ms: int, whom: str, remedy: str
-) -> zenoh.Session:
+def _connect(endpoint: str, timeout: float, security: LinkSecurity | None, whom: str, remedy: str) -> zenoh.Session:
     protocol, host, port = parse_endpoint(endpoint, security is not None)
     try:
-        return zenoh.open(_config("client", [], [endpoint], timeout, security, lease_ms))
+        return zenoh.open(_config("client", [], [endpoint], timeout, security))
     except zenoh.ZError as error:
         why = why_no_link(protocol, host, port, security, timeout)
         raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error

@@ -28,7 +28,6 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.panda.hand_process import HandProcess
     from hw_interface.panda.player_process import STILL_MOVING, PlayerProcess
     from hw_interface.panda.serve import supervise
-    from hw_interface.transport import LEASE_MS, REAL_ROBOT_LEASE_MS
     from replan.robot_gate import cell_gate
 
     security = link_or_none(options.link)
@@ -62,7 +61,6 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
                 security=security,
                 connect=options.connect is not None,
                 state_rate=options.state_rate,
-                lease_ms=LEASE_MS if waits else REAL_ROBOT_LEASE_MS,
                 audit=audit,
             )
             try:
