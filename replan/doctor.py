@@ -117,7 +117,7 @@ def examine_robot_side(robot_endpoint: str, link: Path | None = None) -> Finding
         robot_endpoint, link: As in `examine`.
     """
     items = [_package(name, use, "make setup-robot") for name, use in ROBOT_PACKAGES.items()]
-    return Findings((*items, *_link(link), _robot(robot_endpoint, link)), robot_side=True)
+    return Findings((*items, _real_time(), *_link(link), _robot(robot_endpoint, link)), robot_side=True)
 
 
 def _package(name: str, use: str, setup: str) -> Finding:
@@ -166,7 +166,15 @@ def _robots(where: str, link: Path | None) -> list[Finding]:
         return [_robot(where, link)]
     from replan.doctor_control_box import examine_control_box
 
-    return [Finding("robot", part.name, part.ok, part.detail) for part in examine_control_box(where)]
+    found = [Finding("robot", part.name, part.ok, part.detail) for part in examine_control_box(where)]
+    return [*found, _real_time()]
+
+
+def _real_time() -> Finding:
+    from hw_interface.panda.scheduling import real_time_trouble
+
+    trouble = real_time_trouble()
+    return Finding("machine", "real time", trouble is None, trouble or "kernel and rights are there")
 
 
 def _robot(endpoint: str, link: Path | None) -> Finding:

@@ -27,9 +27,12 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.panda.driver import PandaDriver
     from hw_interface.panda.hand_process import HandProcess
     from hw_interface.panda.player_process import STILL_MOVING, PlayerProcess
+    from hw_interface.panda.scheduling import kernel_is_real_time, real_time_trouble
     from hw_interface.panda.serve import supervise
     from replan.robot_gate import cell_gate
 
+    if options.realtime == "auto" and not kernel_is_real_time():
+        say(f"{real_time_trouble()}. That will do for a simulated control box only (say --realtime ignore for one)")
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
     audit = AuditLog(options.audit_log)

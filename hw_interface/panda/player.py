@@ -35,7 +35,7 @@ from hw_interface.panda.link import (
     Recovered,
 )
 from hw_interface.panda.parts import Part, parts_of
-from hw_interface.panda.scheduling import in_own_scheduling
+from hw_interface.panda.scheduling import in_own_scheduling, kernel_is_real_time, real_time_trouble
 
 LOG = logging.getLogger(__name__)
 TRACKED = 5e-3  # [rad]; a motion begins only where the arm is really held this near to its set point
@@ -299,7 +299,8 @@ def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any, 
         realtime: "enforce" (needs a real-time kernel), "ignore", or "auto": enforce where the kernel is one.
 
     Raises:
-        MachineError: panda-python is not installed, the kernel is not real-time, or the box does not take us.
+        MachineError: panda-python is not installed, the kernel is not real-time or this user may not use that, or the
+            box does not take us.
     """
     try:
         from panda_py import libfranka
@@ -308,12 +309,9 @@ def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any, 
             "a real Panda needs panda-python 1.1.1 (libfranka 0.9.2), which is not installed; install the extra "
             "'panda': make setup"
         ) from error
-    enforce = realtime == "enforce" or (realtime == "auto" and libfranka.has_realtime_kernel())
-    if enforce and not libfranka.has_realtime_kernel():
-        raise MachineError(
-            "this machine's kernel is not real-time (PREEMPT_RT), so commands would come late and the control box "
-            "would stop the arm; boot a real-time kernel, or say --realtime ignore for a simulated box"
-        )
+    enforce = realtime == "enforce" or (realtime == "auto" and kernel_is_real_time())
+    if enforce and (trouble := real_time_trouble()) is not None:
+        raise MachineError(f"{trouble}; or say --realtime ignore for a simulated box")
     config = libfranka.RealtimeConfig.kEnforce if enforce else libfranka.RealtimeConfig.kIgnore
     try:
         return libfranka.Robot(address, config, log_size), libfranka, enforce
