@@ -31,7 +31,8 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.panda.serve import supervise
     from replan.robot_gate import cell_gate
 
-    if options.realtime == "auto" and not kernel_is_real_time():
+    simulated = options.lockstep_patience > 0.0  # no real box waits
+    if options.realtime == "auto" and not simulated and not kernel_is_real_time():
         say(f"{real_time_trouble()}. That will do for a simulated control box only (say --realtime ignore for one)")
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
@@ -45,12 +46,11 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     leash = Leash(options.parent_pid)
     with leash.signals():
         # Where robot time waits for this machine, a player that is slow is no danger.
-        waits = options.lockstep_patience > 0.0
-        still = STILL_LOCKSTEP if waits else STILL_MOVING
+        still = STILL_LOCKSTEP if simulated else STILL_MOVING
         hand = HandProcess(hand_command)  # both connect at the same time
         try:
             start = lambda: PlayerProcess(player_command, still)  # noqa: E731
-            driver = PandaDriver(start, hand, gate, cell.name, time_waits=waits)
+            driver = PandaDriver(start, hand, gate, cell.name, time_waits=simulated)
         except BaseException:
             hand.close()
             raise
