@@ -97,6 +97,7 @@ class ControlBox:
         self.settings = Settings(plant, self._record)
         self.milliseconds = 0
         self.history = History()
+        self._told = False  # whether the set point of this millisecond is a client's
         self.outbox: list[bytes] = []
         self._motion: Motion | None = None
         self._errors: set[Error] = set()
@@ -148,7 +149,7 @@ class ControlBox:
                 its millisecond already.
             shown: Whether the state is looked at afterwards; without a motion it is not brought up to date else.
         """
-        motion = self._motion
+        motion, self._told = self._motion, False
         torque: np.ndarray | None = None
         if motion is not None and motion.stop_id is None and (motion.started or command is not None):
             torque = self._follow(motion, command)
@@ -173,7 +174,7 @@ class ControlBox:
         self._finish_recovery()
         if shown:
             self._describe()
-        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q, command is not None)
+        self.history.add(self.milliseconds, self.mode, self._set_point.q, readings.q, self._told)
 
     # requests of the client
 
@@ -293,6 +294,7 @@ class ControlBox:
             if error is not None:
                 return self._fail(error)
         self._set_point.follow(q)
+        self._told = command is not None
         if command is not None and command["finished"]:
             return self._finish(motion)
         return torque

@@ -27,7 +27,7 @@ class History:
             milliseconds: Robot time.
             mode: Of the box.
             q_d, q: Commanded and measured positions in [rad], shape (7,).
-            told: Whether a client's command came for it; without one the box extrapolates or brakes by itself.
+            told: Whether the commanded position is a client's; else the box extrapolates, brakes or holds by itself.
         """
         k = self._written % KEPT
         self._time[k], self._mode[k], self._q_d[k], self._q[k] = milliseconds, mode, q_d, q
