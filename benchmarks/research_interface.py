@@ -238,7 +238,6 @@ def serve_box(address: str, control_port: int, parent: int, pace: Pace) -> None:
         say=lambda line: print(line, file=sys.stderr, flush=True),
         leash=Leash(parent),
     )
-    server.announce()
     server.serve()
 
 

@@ -42,6 +42,7 @@ class Driver(LatchedRobot[PlayedMotion]):
         super().__init__(gate, cell, measured, measured.q, supervision, clock)
         self._backend = backend
         self._at_rest = np.zeros_like(self._q_d)
+        self._faults: dict[str, str] = {}  # that last, by what was being done
 
     def tick(self) -> None:
         """One millisecond of robot time: measure, supervise, command. Never raises."""
@@ -49,8 +50,9 @@ class Driver(LatchedRobot[PlayedMotion]):
             self._measured = self._backend.read()
             self._tracking_error = float(np.abs(self._measured.q - self._q_d).max())
             trouble = self._supervise()
+            self._faults.pop("measuring", None)
         except Exception as error:
-            LOG.exception("fault while measuring")
+            self._log_fault("measuring", error)
             trouble = internal_trouble(error)
         if trouble is not None:
             self._react(trouble)
@@ -58,9 +60,16 @@ class Driver(LatchedRobot[PlayedMotion]):
             q_d, qd_d = self._next()
             self._backend.command(q_d, qd_d)
             self._q_d = q_d
+            self._faults.pop("commanding", None)
         except Exception as error:
-            LOG.exception("fault while commanding")
+            self._log_fault("commanding", error)
             self._hold(internal_trouble(error))
+
+    def _log_fault(self, doing: str, error: Exception) -> None:
+        """Log a fault that lasts once, not a thousand times a second."""
+        if self._faults.get(doing) != repr(error):
+            self._faults[doing] = repr(error)
+            LOG.exception("fault while %s", doing)
 
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> PlayedMotion:
         return PlayedMotion(trajectory, certificate.serial, speed, self.gate, self._supervision, self._clock())
@@ -92,5 +101,6 @@ class Driver(LatchedRobot[PlayedMotion]):
         super()._hold(trouble)
         try:
             self._backend.command(self._q_d, self._at_rest)
-        except Exception:
-            LOG.exception("the robot does not take commands")
+            self._faults.pop("holding", None)
+        except Exception as error:
+            self._log_fault("holding", error)

@@ -6,6 +6,7 @@ use to it any more, and after some seconds the other side would take it to be de
 holds the latest ones, filled without Python's lock, and are handled on a thread of the reader's own.
 """
 
+import atexit
 import logging
 import threading
 from collections.abc import Callable
@@ -46,6 +47,9 @@ class StateReader:
         self._subscriber = session.declare_subscriber(STATE_KEY, zenoh.handlers.RingChannel(backlog))
         self._thread = threading.Thread(target=self._read, name="reader of states", daemon=True)
         self._thread.start()
+        # A program may end without closing anything. The thread must be out of the transport's code by then: ending an
+        # interpreter under it would abort the process.
+        atexit.register(self.close)
 
     def close(self) -> None:
         """Hear no more; closing it again does nothing."""
@@ -64,3 +68,4 @@ class StateReader:
                 self._on_state(state)
             except Exception:
                 logging.getLogger(__name__).exception("a state could not be handled")
+        atexit.unregister(self.close)

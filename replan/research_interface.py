@@ -22,6 +22,7 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
     require_mujoco()
     from control.errors import ConfigError, MachineError
     from control.gripper import PANDA_HAND
+    from hw_interface.link_security import link_or_none
     from hw_interface.pacing import Leash
     from hw_interface.research_interface.cameras import LateCameras
     from hw_interface.research_interface.model_library import build_library
@@ -52,12 +53,12 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
     except MachineError as error:
         say(str(error))
     say(f"control box of cell '{cell.name}' at {options.address}, pace {options.pace}; Ctrl-C ends it")
-    server.announce()
     if options.endpoint is None:
         server.serve()
         return 0
     truth = world.truth if options.score else None
-    cameras = LateCameras(options.endpoint, tuple(c.name for c in world.cameras), partial(_picture, world), say, truth)
+    names, security = tuple(c.name for c in world.cameras), link_or_none(options.link)
+    cameras = LateCameras(options.endpoint, names, partial(_picture, world), say, truth, security)
     server.between = cameras.serve
     try:
         server.serve()

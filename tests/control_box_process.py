@@ -28,5 +28,4 @@ if __name__ == "__main__":
     )
     if given.world != "no-library":
         server.library = build_library(server.arm_model)
-    server.announce()
     server.serve()

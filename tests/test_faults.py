@@ -3,7 +3,6 @@
 One injection of each kind of fault; `replan bench faults` does hundreds, with random moments and motions.
 """
 
-import os
 from collections.abc import Iterator
 
 import numpy as np
@@ -45,7 +44,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     running.close()
 
 
-@pytest.mark.skipif("REPLAN_FAULTS" not in os.environ, reason="set REPLAN_FAULTS=1: needs a machine without other load")
 @pytest.mark.parametrize("kind", [k for k in KINDS if k.name in HERE], ids=lambda k: k.name)
 def test_nothing_moves_that_should_not(rig: Rig, kind: Kind):
     for seed in (1000, 1001):
@@ -54,8 +52,7 @@ def test_nothing_moves_that_should_not(rig: Rig, kind: Kind):
         if not done.note:
             break  # else the motion was over before the fault could be injected
     assert not done.note, done
-    # A lease may end on a machine that is busy with other tests; then the arm rests, whatever is injected.
-    assert done.outcome in (*kind.expected, "rests"), done
+    assert done.outcome in kind.expected, done
     if kind.loses_supervisor:
         assert done.to_rest is not None and done.to_rest <= 0.5 and done.departure <= 1e-3, done
     if "refused" in kind.expected:

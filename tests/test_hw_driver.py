@@ -312,7 +312,7 @@ def test_a_lasting_contact_stops_the_motion_and_a_spike_does_not(milliseconds: i
     assert (error.code if error else "none") == ("contact" if mode == "reflex" else "none")
 
 
-def test_a_fault_while_measuring_stops_on_the_path_and_is_reported():
+def test_a_fault_while_measuring_stops_on_the_path_and_is_reported(caplog: pytest.LogCaptureFixture):
     driver, robot = perfect_driver()
     motion = swing(1.0, 0.5)
     driver.submit(motion, certificate(motion))
@@ -328,6 +328,12 @@ def test_a_fault_while_measuring_stops_on_the_path_and_is_reported():
     assert error.code == "internal_error" and "sensor unplugged" in error.reason
     steps = np.abs(np.diff([q for q, _ in robot.commands], 2, axis=0)).max(axis=0) / SAMPLE_TIME**2
     assert (steps <= panda_limits().qdd).all(), "even then it must not stop with a jerk"
+    assert caplog.text.count("fault while measuring") == 1, "a log that a thousand lines a second fill helps nobody"
+    robot.distort = lambda measured: measured
+    ticks(driver, 10)
+    robot.distort = broken
+    ticks(driver, 10)
+    assert caplog.text.count("fault while measuring") == 2, "another fault is news"
 
 
 def test_a_robot_that_does_not_take_commands_never_ends_the_loop():

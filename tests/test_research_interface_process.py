@@ -1,5 +1,6 @@
 """`replan robot research-interface` as a process: its cell, its pace, its cameras, its end."""
 
+import datetime
 import json
 import os
 import random
@@ -7,23 +8,29 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import zenoh
 
-from control.errors import RobotGoneError
+from control.errors import ConfigError, RobotGoneError
 from control.limits import REST_Q
 from hw_interface.frame_message import FrameMessage
+from hw_interface.link_keys import make_keys
 from hw_interface.messages import FrameRequest
+from hw_interface.research_interface.cameras import LateCameras
 from hw_interface.research_interface.layout import GRIPPER_PORT, PORT
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
 from hw_interface.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, ask, open_robot_session
 from hw_interface.truth_message import TruthMessage, TruthRequest
 from tests.control_boxes import along, desired, play, robot_at, swing
+from tests.hw_support import blank_frame
+from tests.link_certificates import link
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
@@ -97,6 +104,29 @@ def test_cameras_show_the_arm_that_the_client_has_moved(box: ControlBoxProcess, 
     truth = ask(session, TRUTH_KEY, TruthRequest(), TruthMessage, 10.0).truth()
     assert {"red_cube", "crate"} <= truth.things.keys()
     alive.undeclare()
+
+
+def test_cameras_reach_a_robot_on_another_machine_with_certificates_only(tmp_path: Path):
+    make_keys(tmp_path / "keys", ("127.0.0.1",), 90, datetime.datetime.now(datetime.UTC))
+    security, ended = link(tmp_path / "keys", "camera"), threading.Event()
+    session, endpoint = open_robot_session("tls/127.0.0.1:0", link(tmp_path / "keys", "robot"))
+    with pytest.raises(ConfigError, match=r"needs certificates: give a link file \(--link FILE"):
+        LateCameras(endpoint, ("static",), blank_frame, print)
+    cameras = LateCameras(endpoint, ("static",), blank_frame, print, security=security)
+
+    def serve() -> None:
+        while not ended.wait(0.01):
+            cameras.serve()
+
+    loop = threading.Thread(target=serve)
+    loop.start()
+    try:
+        assert picture(session, "static").frame().camera == "static"
+    finally:
+        ended.set()
+        loop.join()
+        cameras.close()
+        session.close()
 
 
 def test_ctrl_c_ends_it_and_frees_its_ports():

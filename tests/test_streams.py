@@ -1,5 +1,7 @@
 """States at a high rate: a slow reader misses old ones, and holds up neither itself nor the robot."""
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -110,3 +112,24 @@ def test_a_reader_ends_with_its_session_or_when_it_is_closed(link):
     assert sum(thread.is_alive() for thread in threads) == 1
     client.close()
     assert until(lambda: not any(thread.is_alive() for thread in threads), 2.0)
+
+
+def test_a_program_that_closes_nothing_ends_as_it_wants_to(state: RobotState):
+    robot, endpoint = open_listening_session("tcp/127.0.0.1:0")
+    stream = declare_stream(robot, STATE_KEY)
+    program = (
+        "import sys\n"
+        "from hw_interface.streams import StateReader\n"
+        "from hw_interface.transport import open_client_session\n"
+        "heard = []\n"
+        "session = open_client_session(sys.argv[1])\n"
+        "StateReader(session, heard.append)\n"
+        "while len(heard) < 5: pass\n"
+        "sys.exit(7)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", program, endpoint], stderr=subprocess.PIPE, text=True)
+    while child.poll() is None:
+        stream.put(numbered(state, 0))
+        time.sleep(0.005)
+    assert child.returncode == 7 and child.stderr is not None and child.stderr.read() == ""
+    robot.close()

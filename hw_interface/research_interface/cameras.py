@@ -13,6 +13,7 @@ import zenoh
 
 from control.errors import RobotGoneError, StackError
 from hw_interface.cameras.node import CameraNode
+from hw_interface.link_security import LinkSecurity
 from hw_interface.transport import (
     ALIVE_KEY,
     TRUTH_KEY,
@@ -39,6 +40,7 @@ class LateCameras:
         take_frame: Takes a picture; called on the thread that calls `serve`.
         say: Called with one line when cameras are offered, or cannot be.
         truth: For scorers only: what truly stands there, on the key that a scored simulated cell has; None for nothing.
+        security: Certificates, for a "tls/" endpoint on another machine.
 
     Raises:
         ConfigError: The endpoint is not valid.
@@ -51,8 +53,10 @@ class LateCameras:
         take_frame: Callable[[str], RgbdFrame],
         say: Callable[[str], None],
         truth: Callable[[], CellTruth] | None = None,
+        security: LinkSecurity | None = None,
     ) -> None:
-        parse_endpoint(endpoint)
+        parse_endpoint(endpoint, security is not None)
+        self._security = security
         self._endpoint, self._cameras, self._take_frame, self._say = endpoint, cameras, take_frame, say
         self._truth = truth
         self._node: CameraNode | None = None
@@ -83,7 +87,7 @@ class LateCameras:
         said = ""
         while not self._ended.is_set():
             try:
-                session = open_client_session(self._endpoint, CONNECT_TIMEOUT)
+                session = open_client_session(self._endpoint, CONNECT_TIMEOUT, self._security)
             except RobotGoneError:
                 self._ended.wait(RETRY)
                 continue

@@ -167,8 +167,7 @@ class ResearchInterface:
         """Port of the administrative channel, or None."""
         return None if self._channel is None else self._channel.port
 
-    def announce(self) -> None:
-        """Print the one line that tells a parent process that the box is ready."""
+    def _announce(self) -> None:
         line = {
             "ready": True,
             "endpoint": self.address,
@@ -180,9 +179,12 @@ class ResearchInterface:
         print(json.dumps(line), file=sys.stdout, flush=True)
 
     def serve(self) -> None:
-        """Run until the leash ends it, then leave the network."""
+        """Print one line that tells a parent process that the box is ready, run until the leash ends it, then leave the
+        network.
+        """
         try:
             with self.leash.signals():
+                self._announce()  # whoever has read it may end this at once
                 self._loop()
         finally:
             self.close()

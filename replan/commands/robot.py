@@ -116,7 +116,9 @@ class RobotResearchInterface:
     control_port: int | None = None
     """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
     endpoint: str | None = None
-    """Also offer the cell's cameras to the robot process or router at this endpoint (tcp/...) once it is there."""
+    """Also offer the cell's cameras to the robot process or router at this endpoint once it is there."""
+    link: Path | None = None
+    """Link file of a camera, for an endpoint tls/HOST:PORT on another machine (docs/security.md)."""
     score: bool = False
     """Also answer there with true poses on the key `truth`, for scorers only (benchmarks)."""
     parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
