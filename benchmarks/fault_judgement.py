@@ -43,7 +43,9 @@ def judge_movement(history: History, since: int, fault: int, trajectory: Traject
     time, mode, q_d = history.time[window], history.mode[window], history.q_d[window]
     steps = np.any(np.diff(q_d, axis=0) != 0.0, axis=1)
     moving = np.flatnonzero(steps) + 1
-    by_client = moving[history.told[window][moving]]
+    # A command may come for the very millisecond in which the box gives way to a blow: what it then holds is its own.
+    followed = history.told[window] & np.isin(mode, (MOVE, IDLE))
+    by_client = moving[followed[moving]]
     distance = distance_from(q_d[by_client[::EVERY]], trajectory.q)
     departure = float(distance.max(initial=0.0))
     # Before the first sample the arm goes there from where it was held, within the tolerance of the start.

@@ -14,6 +14,7 @@ import contextlib
 import json
 import multiprocessing
 import os
+import queue
 import subprocess
 import sys
 import tempfile
@@ -42,6 +43,7 @@ from hw_interface.gate import Gate
 
 STILL = 0.4  # [s] of wall time after the rest in which nothing may move
 REST = 10.0  # [s] of wall time that a motion may go on after the operator knows; its box may wait for a clearance
+LOOK = 2.0  # [s] of wall time between two looks whether those who inject are still there
 ENDS = 30.0  # [s] of wall time that an injection may take until the operator knows
 
 
@@ -377,7 +379,14 @@ def main() -> None:
         done: list[Injection] = []
         begun = time.monotonic()
         while len(done) < len(jobs):
-            one = results.get()
+            try:
+                one = results.get(timeout=LOOK)
+            except queue.Empty:
+                if any(worker.exitcode for worker in workers):
+                    for worker in workers:
+                        worker.terminate()
+                    sys.exit("a process that injects faults has ended; what it said stands above")
+                continue
             done.append(one)
             spent = time.monotonic() - begun
             left = spent / len(done) * (len(jobs) - len(done)) / 60.0

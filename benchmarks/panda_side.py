@@ -18,6 +18,7 @@ from hw_interface.client import CellClient
 from hw_interface.gate import Gate
 from hw_interface.process import SimProcess, start_sim_process
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
+from hw_interface.research_interface.server import Pace
 from replan.robot_gate import cell_gate
 
 CELL = "cubes"
@@ -73,13 +74,23 @@ class PandaSide:
 
 
 @contextmanager
-def panda_side(folder: Path, pace: str = "lockstep", audit_log: Path | None = None) -> Iterator[PandaSide]:
-    """A robot side of the built-in cell, until the end of the block."""
+def panda_side(
+    folder: Path, pace: Pace = "lockstep", audit_log: Path | None = None, arm_alone: bool = False
+) -> Iterator[PandaSide]:
+    """A robot side of the built-in cell, until the end of the block.
+
+    Args:
+        folder: For its files.
+        pace: Of the box.
+        audit_log: Default: a new one in `folder`.
+        arm_alone: Nothing but the arm stands in the box's world, whatever the cell says.
+    """
     replan = [sys.executable, "-m", "replan.main", "robot"]
     address = free_address(random.Random())
-    with start_control_box(
-        [*replan, "research-interface", "--cell", CELL, "--address", address, "--pace", pace]
-    ) as box:
+    box_command = [*replan, "research-interface", "--cell", CELL, "--address", address, "--pace", pace]
+    if arm_alone:
+        box_command = [sys.executable, "-m", "benchmarks.research_interface", "--box", address, "--box-pace", pace]
+    with start_control_box(box_command) as box:
         audit = audit_log or folder / f"audit_{uuid.uuid4().hex}.jsonl"
         command = [*replan, "panda", "--address", address, "--cell", CELL, "--endpoint", "tcp/127.0.0.1:0"]
         command += ["--audit-log", str(audit), "--lockstep-patience", str(PATIENCE if pace == "lockstep" else 0.0)]

@@ -37,6 +37,7 @@ from control.rollouts import commands_for
 from control.trajectory import SAMPLE_TIME
 from hw_interface.panda.scheduling import in_own_scheduling
 from hw_interface.research_interface.process import ControlBoxProcess, free_address, start_control_box
+from hw_interface.research_interface.server import Pace
 from sim_check.cells import load_cell
 from sim_check.payloads import held_payloads
 from sim_check.verdict import judge_trajectory
@@ -213,7 +214,7 @@ class ArmAlone:
     data: Any
 
 
-def serve_box(address: str, control_port: int, parent: int) -> None:
+def serve_box(address: str, control_port: int, parent: int, pace: Pace) -> None:
     """A simulated box in a world that holds the arm alone."""
     import mujoco
 
@@ -232,7 +233,7 @@ def serve_box(address: str, control_port: int, parent: int) -> None:
         world,
         panda_limits(),
         address=address,
-        pace="lockstep",
+        pace=pace,
         control_port=control_port,
         say=lambda line: print(line, file=sys.stderr, flush=True),
         leash=Leash(parent),
@@ -261,33 +262,35 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=100, help="validated motions, and broken, and unretimed ones")
     parser.add_argument("--motions", type=Path, help="file (NPZ) to keep the motions in, or to read")
     parser.add_argument("--json", action="store_true")
-    for hidden in ("--box", "--control-port", "--parent-pid"):
+    for hidden in ("--box", "--box-pace", "--control-port", "--parent-pid"):
         parser.add_argument(hidden, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.box:
-        serve_box(given.box, int(given.control_port), int(given.parent_pid))
+        serve_box(given.box, int(given.control_port), int(given.parent_pid), given.box_pace or "lockstep")
         return 0
 
     def say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
     begun = time.monotonic()
-    motions = _read(given.motions) if given.motions and given.motions.exists() else find_motions(given.runs, say)
+    motions = read_motions(given.motions) if given.motions and given.motions.exists() else find_motions(given.runs, say)
     if given.motions and not given.motions.exists():
-        _write(given.motions, motions)
+        write_motions(given.motions, motions)
     found = report(measure(motions[: given.runs], say), time.monotonic() - begun)
     print(json.dumps(found, indent=2) if given.json else table(found))
     return 0 if not found["unexpected"] else 1
 
 
-def _write(path: Path, motions: list[Motion]) -> None:
+def write_motions(path: Path, motions: list[Motion]) -> None:
+    """Keep motions in an NPZ file."""
     arrays: dict[str, Any] = {"names": [m.name for m in motions], "stops": [m.first_stop for m in motions]}
     for k, m in enumerate(motions):
         arrays[f"samples{k}"], arrays[f"raw{k}"] = m.samples, m.raw
     np.savez_compressed(path, **arrays)
 
 
-def _read(path: Path) -> list[Motion]:
+def read_motions(path: Path) -> list[Motion]:
+    """Motions that `write_motions` kept."""
     with np.load(path) as a:
         stops = a["stops"]
         return [Motion(str(n), a[f"samples{k}"], int(stops[k]), a[f"raw{k}"]) for k, n in enumerate(a["names"])]
