@@ -212,7 +212,7 @@ class RobotNode:
             accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
         answer(query, accepted)
         assert query.payload is not None
-        self._session.put(EXECUTING_KEY, query.payload.to_bytes())
+        self._session.put(EXECUTING_KEY, query.payload)
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         request = read_request(query, StopRequest)

@@ -22,6 +22,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     """
     from hw_interface.audit_log import AuditLog
     from hw_interface.link_security import link_or_none
+    from hw_interface.memory import keep_memory
     from hw_interface.node import RobotNode
     from hw_interface.pacing import Leash, announce
     from hw_interface.panda.driver import PandaDriver
@@ -31,6 +32,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     from hw_interface.transport import LEASE_MS, REAL_ROBOT_LEASE_MS
     from replan.robot_gate import cell_gate
 
+    keep_memory()
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
     audit = AuditLog(options.audit_log)

@@ -5,14 +5,16 @@ from functools import partial
 
 import numpy as np
 
+from hw_interface.driver import Driver
+from hw_interface.fake_backend import PerfectRobot
 from hw_interface.pacing import Leash, serve_robot
 from perception.ground_truth import CellTruth, StandingThing
 from tests.hw_support import blank_frame, perfect_driver
 
 
-def run_perfect(endpoint: str, speed: float, parent: int) -> None:
+def run_perfect(endpoint: str, speed: float, parent: int, driver: Driver | None = None) -> None:
     """A robot without physics; its truth is one motionless thing."""
-    driver, _ = perfect_driver()
+    driver = driver or perfect_driver()[0]
     truth = CellTruth({"red_cube": StandingThing("red_cube", np.eye(4), np.full(3, 0.04), np.zeros(6), False)}, {})
     serve_robot(
         driver,
@@ -23,6 +25,13 @@ def run_perfect(endpoint: str, speed: float, parent: int) -> None:
         leash=Leash(parent),
         truth=lambda: truth,
     )
+
+
+def run_cautious(endpoint: str, speed: float, parent: int) -> None:
+    """A robot without physics that also holds torques and the hand's speeds against limits, as the cells' robots do."""
+    from replan.robot_gate import cell_gate
+
+    run_perfect(endpoint, speed, parent, Driver(PerfectRobot(), cell_gate("cubes")[0], "test"))
 
 
 def run_simulated(endpoint: str, speed: float, parent: int, score: bool = True) -> None:
@@ -44,5 +53,10 @@ def run_simulated(endpoint: str, speed: float, parent: int, score: bool = True) 
 
 if __name__ == "__main__":
     kind, endpoint, speed, _, parent = sys.argv[1:]
-    runs = {"perfect": run_perfect, "simulated": run_simulated, "unscored": partial(run_simulated, score=False)}
+    runs = {
+        "perfect": run_perfect,
+        "cautious": run_cautious,
+        "simulated": run_simulated,
+        "unscored": partial(run_simulated, score=False),
+    }
     runs[kind](endpoint, float(speed), int(parent))
