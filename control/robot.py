@@ -52,6 +52,7 @@ class RobotModel:
         self._model = model
         self._data = model.createData()
         self._tcp = model.getFrameId(tcp_frame)
+        self._pool: Any = None  # of buffers for `torques`, made when it is needed
 
     @classmethod
     def panda(
@@ -106,13 +107,18 @@ class RobotModel:
 
     def tcp_poses(self, q: np.ndarray) -> np.ndarray:
         """Poses base_T_tcp, shape (n, 4, 4), at joint positions in [rad], shape (n, 7)."""
-        out = np.empty((len(q), 4, 4))
-        frame = self._model.frames[self._tcp]
-        forward, joint = self._pin.forwardKinematics, self._data.oMi[frame.parentJoint]  # refers to the buffer
-        for k, row in enumerate(np.ascontiguousarray(q, dtype=float)):
-            forward(self._model, self._data, row)
-            out[k] = joint.homogeneous
-        return out @ frame.placement.homogeneous
+        out = np.zeros((len(q), 4, 4))
+        out[:, 3, 3] = 1.0
+        model, data, forward = self._model, self._data, self._pin.forwardKinematics
+        frame = model.frames[self._tcp]
+        joint = data.oMi[frame.parentJoint]
+        turned, moved = joint.rotation, joint.translation  # refer to the buffer
+        for row, rotation, position in zip(
+            np.ascontiguousarray(q, dtype=float), out[:, :3, :3], out[:, :3, 3], strict=True
+        ):
+            forward(model, data, row)
+            rotation[...], position[...] = turned, moved
+        return (out.reshape(-1, 4) @ frame.placement.homogeneous).reshape(out.shape)
 
     def tcp_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Jacobian of the tool centre point, shape (6, 7): rows are linear [m/rad], then angular; axes of the base."""
@@ -157,6 +163,23 @@ class RobotModel:
         for k in range(len(q)):
             out[k] = rnea(model, data, q[k], qd[k], qdd[k])
         return out
+
+    def torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """As `torque` of many rows, bit for bit, in about two thirds of the time: one call for all of them.
+
+        On the calling thread OpenMP uses one thread from then on: for processes that compute with nothing else that
+        uses it, such as a robot's.
+
+        Args:
+            q, qd, qdd: In [rad], [rad/s], [rad/s^2], each of shape (n, 7).
+
+        Returns:
+            Torques in [Nm], shape (n, 7).
+        """
+        if self._pool is None:
+            self._pool = self._pin.ModelPool(self._model, 1)
+        # One column comes back as a vector.
+        return self._pin.rneaInParallel(1, self._pool, q.T, qd.T, qdd.T).reshape(q.shape[::-1]).T
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
         """Torques g(q) that hold the arm still in [Nm]; q in [rad], shape (7,) or (n, 7)."""

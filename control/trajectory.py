@@ -128,9 +128,8 @@ class Trajectory:
                 )
             if array.shape != np.shape(self.q):
                 raise TrajectoryError(f"trajectory field {label} has shape {array.shape}, q has {np.shape(self.q)}")
-            bad = np.argwhere(~np.isfinite(array))
-            if len(bad):
-                row, joint = bad[0]
+            if not np.isfinite(array).all():
+                row, joint = np.argwhere(~np.isfinite(array))[0]
                 raise TrajectoryError(
                     f"trajectory field {label} is not finite in row {row}, joint '{self.joint_names[joint]}'"
                 )
@@ -147,7 +146,7 @@ class Trajectory:
         digest = hashlib.sha256()
         digest.update(struct.pack("<qd", len(self.q), SAMPLE_TIME))
         for array in (self.q, self.qd, self.qdd):
-            digest.update(array.astype("<f8", copy=False).tobytes())
+            digest.update(array.astype("<f8", copy=False).data)
         for event in self.gripper:
             c = event.command
             digest.update(struct.pack("<dddd", event.time, event.dwell, c.width, c.force) + c.kind.encode() + b"\0")

@@ -23,8 +23,14 @@ class Audit:
         self.watch()
 
     @contextmanager
-    def asking(self, what: str, **fields: Any) -> Iterator[dict[str, Any]]:
+    def asking(self, what: str, force: bool = True, **fields: Any) -> Iterator[dict[str, Any]]:
         """Around a request that may lead to motion: written down, and on the disk, before it is answered.
+
+        Args:
+            what: What is asked for.
+            force: Whether the request is on the disk before anything is done; False where nothing moves until the
+                request is answered: the line about the answer, which always is on the disk first, takes it there.
+            fields: JSON values.
 
         Yields:
             Fields to add to the line about the answer.
@@ -32,7 +38,7 @@ class Audit:
         Raises:
             RefusedError: audit_log: it cannot be written down, so nothing is done; or what the request itself raises.
         """
-        self._must_write("asked", what=what, **fields)
+        self._must_write("asked", force, what=what, **fields)
         note: dict[str, Any] = {}
         try:
             yield note
@@ -73,10 +79,10 @@ class Audit:
             }
         self.note("mode", **fields)
 
-    def _must_write(self, event: str, **fields: Any) -> None:
+    def _must_write(self, event: str, force: bool, **fields: Any) -> None:
         if self._log is None:
             return
         try:
-            self._log.record(event, force=True, **fields)
+            self._log.record(event, force=force, **fields)
         except MachineError as error:
             raise RefusedError("audit_log", str(error)) from error

@@ -202,13 +202,14 @@ class RobotNode:
                 f"'{self._driver.epoch}': connect again and look at the scene anew",
             )
         certificate = request.certificate_or_none()
-        with self._audit.asking("trajectory", serial=certificate and certificate.serial) as note:
+        # The motion begins with the loop's next tick, after the answer: waiting for the disk once is enough.
+        with self._audit.asking("trajectory", force=False, serial=certificate and certificate.serial) as note:
             if not self._driver.moving:  # a motion under way says itself that the robot is busy
                 note["operator"] = self._lease.take(request.operator)
             accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
         answer(query, accepted)
         assert query.payload is not None
-        self._session.put(EXECUTING_KEY, query.payload.to_bytes())
+        self._session.put(EXECUTING_KEY, query.payload)
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         request = read_request(query, StopRequest)

@@ -14,6 +14,7 @@ from control.trajectory import SAMPLE_TIME
 from hw_interface.driver import Driver
 from hw_interface.latched_robot import LatchedRobot
 from hw_interface.link_security import LinkSecurity
+from hw_interface.memory import keep_memory
 from hw_interface.node import STATE_RATE, RobotNode
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
@@ -105,6 +106,7 @@ def serve_robot(
         ConfigError: Endpoint, port or speed are not valid.
         RobotGoneError: There is no router to join.
     """
+    keep_memory()
     with leash.signals():
         node = RobotNode(
             driver,

@@ -230,8 +230,8 @@ def ask(
         RobotGoneError: No answer.
         MessageError: An answer that is not a message of the expected type.
     """
-    replies = list(session.get(key, payload=encode(request), timeout=timeout))
-    for reply in replies:
+    # The first reply is the answer; what the other side does before it lets go of the query is not waited for.
+    for reply in session.get(key, payload=encode(request), timeout=timeout):
         if reply.ok is not None:
             return decode(reply.ok.payload.to_bytes(), expected)
         assert reply.err is not None

@@ -10,8 +10,9 @@ Arrays travel as {"dtype": "<f8", "shape": [n, 7], "data": bytes}, row by row, a
 before numpy sees them.
 """
 
+import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import msgpack
@@ -25,6 +26,8 @@ MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a
 _ARRAY_KEYS = {"dtype", "shape", "data"}
 _ENVELOPE = ("protocol", "type", "crc", "body")
 _MAX_HEAD_BYTES = 256  # everything before the body
+_MOST_COPIED = 0xFFFF  # bytes of an array; a larger one is copied once only, into the finished message
+_BIN32 = struct.Struct(">BI")  # how msgpack begins bytes that are longer than 65535
 
 
 class Message(BaseModel):
@@ -77,7 +80,8 @@ def _array_from_wire(value: Any, dtype: np.dtype, shape: tuple[int | None, ...],
 
 
 def _array_to_wire(array: np.ndarray) -> dict[str, Any]:
-    return {"dtype": array.dtype.str, "shape": list(array.shape), "data": array.tobytes()}
+    data = array.tobytes() if array.nbytes <= _MOST_COPIED else np.ascontiguousarray(array).data.cast("B")
+    return {"dtype": array.dtype.str, "shape": list(array.shape), "data": data}
 
 
 def array_field(dtype: str, shape: tuple[int | None, ...], finite: bool = True) -> Any:
@@ -93,7 +97,7 @@ def encode(message: Message) -> bytes:
     Raises:
         MessageError: The message would be larger than a peer accepts.
     """
-    data = seal(message.type_name, msgpack.packb(message.model_dump(), use_bin_type=True) or b"")
+    data = seal(message.type_name, _packed(message.model_dump()))
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(
             "message", f"has {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are accepted; split the motion"
@@ -101,13 +105,42 @@ def encode(message: Message) -> bytes:
     return data
 
 
-def seal(type_name: str, body: bytes, protocol: int = PROTOCOL_VERSION) -> bytes:
-    """The envelope around a packed body, with its check sum."""
+def seal(type_name: str, body: bytes | Iterable[bytes | memoryview], protocol: int = PROTOCOL_VERSION) -> bytes:
+    """The envelope around a packed body, whole or in pieces, with its check sum."""
+    pieces = (body,) if isinstance(body, bytes) else tuple(body)
     packer = msgpack.Packer(use_bin_type=True, autoreset=False)
     packer.pack_map_header(len(_ENVELOPE))
-    for part in ("protocol", protocol, "type", type_name, "crc", _checksum(type_name, body), "body"):
+    for part in ("protocol", protocol, "type", type_name, "crc", _checksum(type_name, *pieces), "body"):
         packer.pack(part)
-    return b"".join((packer.bytes(), body))  # the only copy of the body: pictures have megabytes
+    return b"".join((packer.bytes(), *pieces))  # the only copy of the body: pictures have megabytes
+
+
+def _packed(content: Mapping[str, Any]) -> list[bytes | memoryview]:
+    """A body in pieces that msgpack would make as one; large arrays of the message itself are pieces of their own."""
+    large = {key for key, value in content.items() if isinstance(value, dict) and _is_large(value.get("data"))}
+    if not large:
+        return [msgpack.packb(content, use_bin_type=True) or b""]
+    packer = msgpack.Packer(use_bin_type=True, autoreset=False)
+    packer.pack_map_header(len(content))
+    pieces: list[bytes | memoryview] = []
+    for key, value in content.items():
+        packer.pack(key)
+        if key not in large:
+            packer.pack(value)
+            continue
+        packer.pack_map_header(len(value))
+        for name, part in value.items():
+            packer.pack(name)
+            if not _is_large(part):
+                packer.pack(part)
+                continue
+            pieces += (packer.bytes(), _BIN32.pack(0xC6, part.nbytes), part)
+            packer.reset()
+    return [*pieces, packer.bytes()]
+
+
+def _is_large(value: object) -> bool:
+    return isinstance(value, memoryview) and value.nbytes > _MOST_COPIED
 
 
 def decode(data: bytes, expected: type[M]) -> M:
@@ -181,5 +214,8 @@ def _check_protocol(version: object) -> None:
         )
 
 
-def _checksum(type_name: str, body: bytes | memoryview) -> int:
-    return zlib.crc32(body, zlib.crc32(type_name.encode()))
+def _checksum(type_name: str, *body: bytes | memoryview) -> int:
+    checksum = zlib.crc32(type_name.encode())
+    for piece in body:
+        checksum = zlib.crc32(piece, checksum)
+    return checksum

@@ -33,12 +33,14 @@ def main() -> int:
     options = tyro.cli(PlayerOptions)
     supervisor = os.getppid()
     from control.errors import StackError
+    from hw_interface.memory import keep_memory
     from hw_interface.messages import Refusal
     from hw_interface.panda.board import Board
     from hw_interface.panda.link import Link
     from hw_interface.panda.player import Player, connect, missing_mass, ready
     from replan.robot_gate import cell_gate
 
+    keep_memory()
     link = Link(Connection(options.link_fd))
     board = Board(options.board_fd)
     try:

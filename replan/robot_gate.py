@@ -30,7 +30,7 @@ def cell_gate(cell_name: str, options: tuple[str, ...] = ()) -> "tuple[Gate, Cel
         limits_hash(limits, safety, gripper),
         limits,
         safety,
-        torque=robot.torque,
+        torque=robot.torques,
         tcp=robot.tcp_poses,
         gripper=gripper,
     )

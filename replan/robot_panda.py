@@ -22,6 +22,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     """
     from hw_interface.audit_log import AuditLog
     from hw_interface.link_security import link_or_none
+    from hw_interface.memory import keep_memory
     from hw_interface.node import RobotNode
     from hw_interface.pacing import Leash, announce
     from hw_interface.panda.driver import PandaDriver
@@ -34,6 +35,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     simulated = options.lockstep_patience > 0.0  # no real box waits
     if options.realtime == "auto" and not simulated and not kernel_is_real_time():
         say(f"{real_time_trouble()}. That will do for a simulated control box only (say --realtime ignore for one)")
+    keep_memory()
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.option)
     audit = AuditLog(options.audit_log)

@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from control.errors import ConfigError, MachineError, RefusedError
@@ -113,3 +114,25 @@ def test_a_disk_that_fills_up_in_a_motion_brings_the_arm_to_rest(tmp_path: Path)
     assert not driver.moving and driver.mode == "reflex"
     error = driver.state().last_error
     assert error is not None and error.code == "audit_log"
+
+
+def test_a_request_waits_for_the_disk_once_and_nothing_moves_when_that_fails(tmp_path: Path, monkeypatch):
+    driver, _ = perfect_driver()
+    log = AuditLog(tmp_path / "audit.jsonl")
+    audit = Audit(driver, log)
+    start, motion = np.array(driver.state().q_d), swing(1.0, 0.1)
+    written = []
+
+    def broken(file: int) -> None:
+        written.append(log.path.read_text())
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "fdatasync", broken)
+    with audit.asking("trajectory", force=False):
+        driver.submit(motion, certificate(motion))
+    assert len(written) == 1 and '"event":"asked"' in written[0] and '"event":"granted"' in written[0]
+    for _ in range(100):
+        driver.tick()
+        assert np.array_equal(driver.state().q_d, start)
+    error = driver.state().last_error
+    assert driver.mode == "reflex" and error is not None and error.code == "audit_log"

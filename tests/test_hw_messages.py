@@ -37,6 +37,23 @@ def test_a_trajectory_arrives_bit_for_bit():
     assert received.certificate_or_none() == sent
 
 
+def test_large_arrays_are_packed_as_msgpack_would_pack_them():
+    motion = swing(8.0)
+    data = encode(TrajectoryRequest.of(motion, certificate(motion), "a run", "somebody"))
+    body = msgpack.unpackb(data)["body"]
+    assert data == envelope("trajectory_request", body)
+    for name in ("q", "qd", "qdd"):
+        assert body[name]["data"] == getattr(motion, name).tobytes()
+
+
+def test_a_changed_byte_within_a_large_array_is_noticed():
+    motion = swing(8.0)
+    data = bytearray(encode(TrajectoryRequest.of(motion, certificate(motion), "a run", "somebody")))
+    data[len(data) // 2] ^= 1
+    with pytest.raises(MessageError, match=r"'crc': .*changed on the way"):
+        decode(bytes(data), TrajectoryRequest)
+
+
 @pytest.mark.parametrize("speed", [None, 0.3, 1.0])
 def test_a_trajectory_arrives_with_the_speed_to_play_it_at(speed: float | None):
     motion = swing(0.1)

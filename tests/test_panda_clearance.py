@@ -136,7 +136,8 @@ def test_a_gripper_command_in_mid_motion_cuts_nothing():
 
     event = GripperEvent(0.5, 0.3, GripperCommand("move", 0.02))
     motion = replace(swing(1.0, 0.3), gripper=(event,))
-    assert len(parts_of(motion)) == 1 and moving_events(motion) == (event,)
+    parts = parts_of(motion)
+    assert len(parts) == 1 and moving_events(motion, parts) == (event,)
 
 
 def test_two_sides_share_a_board_and_notice_damage():

@@ -368,6 +368,14 @@ def test_torques_are_the_same_one_by_one_and_all_at_once(robot):
     assert np.allclose(robot.gravity(q[0]), robot.torque(q[0], np.zeros(7), np.zeros(7)))
 
 
+def test_torques_of_many_rows_are_the_same_in_one_call(robot):
+    for rows in (0, 1, 2, 500):
+        q, qd, qdd = np.random.default_rng(rows).normal(0.0, 0.5, (3, rows, 7))
+        assert np.array_equal(robot.torques(q, qd, qdd), robot.torque(q, qd, qdd))
+        by_joint = [np.asfortranarray(x) for x in (q, qd, qdd)]
+        assert np.array_equal(robot.torques(*by_joint), robot.torque(q, qd, qdd))
+
+
 def test_a_payload_adds_its_weight_to_the_torques_by_the_jacobian(robot):
     mass = 1.5
     loaded = RobotModel.panda(payload_mass=mass)

@@ -81,7 +81,7 @@ class ClearedMotion:
         self._limits = gate.robot_limits
         self._supervisor = Supervisor(trajectory, supervision)
         self._record = MotionRecord(serial, self.samples, started)
-        self._moving_events = list(moving_events(trajectory))
+        self._moving_events = list(moving_events(trajectory, self.parts))
         self._row = 0  # commanded last
         self._planned = self._last = 0  # last row that is cleared as planned, and at all
         self._change: _Change | None = None
