@@ -45,7 +45,7 @@ def main() -> int:
     board = Board(options.board_fd)
     try:
         gate, _ = cell_gate(options.cell, options.option)
-        robot, libfranka, realtime = connect(options.address, options.realtime)
+        robot, libfranka = connect(options.address, options.realtime)
         state = robot.read_once()
         lacking = missing_mass(float(state.m_ee), gate.gripper.mass)
         link.send(ready(robot, state))
@@ -53,8 +53,7 @@ def main() -> int:
         link.send(Refusal(code="not_ready", reason=str(error)[:2000]))
         return 1
     gone = lambda: os.getppid() != supervisor  # noqa: E731
-    tcp, patience = gate.gripper.flange_T_tcp, options.patience
-    Player(robot, libfranka, gate, board, link, lacking, tcp, patience, gone, realtime).run()
+    Player(robot, libfranka, gate, board, link, lacking, gate.gripper.flange_T_tcp, options.patience, gone).run()
     return 0
 
 

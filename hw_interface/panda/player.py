@@ -57,7 +57,6 @@ class Player:
         patience: Wall time in [s] to wait for the next clearance before beginning to come to rest. 0 on a real robot,
             whose time does not wait; more where the robot's time stands still meanwhile (a control box in lockstep).
         gone: Whether the supervisor's process is gone.
-        realtime: Whether motions are played with real-time priority.
     """
 
     def __init__(
@@ -71,7 +70,6 @@ class Player:
         F_T_EE: np.ndarray,
         patience: float,
         gone: Callable[[], bool],
-        realtime: bool = False,
     ) -> None:
         self._robot, self._libfranka = robot, libfranka
         self._gate, self._board, self._link = gate, board, link
@@ -79,7 +77,6 @@ class Player:
         self._end_effector_told = False
         self._patience = patience
         self._gone = gone
-        self._realtime = realtime
         self._motion = 0
         self._trajectory: Trajectory | None = None
         self._parts: tuple[Part, ...] = ()
@@ -208,8 +205,9 @@ class Player:
         gc.disable()  # a collection in the middle of a motion would lose packets
         try:
             mode = self._libfranka.ControllerMode.kJointImpedance
+            realtime = self._patience <= 0.0  # else the robot's clock waits for this machine
             in_own_scheduling(
-                lambda answer: self._robot.control_joint_position(answer, mode, False, 1000.0), callback, self._realtime
+                lambda answer: self._robot.control_joint_position(answer, mode, False, 1000.0), callback, realtime
             )
         except Exception as error:
             return ended(*_why_aborted(str(error)))
@@ -291,8 +289,8 @@ def _why_aborted(text: str) -> tuple[str, str]:
     return "refused_by_robot", f"the control box did not play the motion: {line}"
 
 
-def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any, bool]:
-    """A connected robot, the libfranka module, and whether motions are to be played in real time.
+def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any]:
+    """A connected robot and the libfranka module.
 
     Args:
         address: Host name or IP of the control box.
@@ -314,7 +312,7 @@ def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any, 
         raise MachineError(f"{trouble}; or say --realtime ignore for a simulated box")
     config = libfranka.RealtimeConfig.kEnforce if enforce else libfranka.RealtimeConfig.kIgnore
     try:
-        return libfranka.Robot(address, config, log_size), libfranka, enforce
+        return libfranka.Robot(address, config, log_size), libfranka
     except Exception as error:
         text = " ".join(str(error).split())
         if "ncompatible" in text:

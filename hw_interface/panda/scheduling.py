@@ -1,8 +1,8 @@
 """libfranka gives the thread that commands an arm the highest real-time priority, asked or not, for good.
 
 Every thread and process that such a thread starts inherits it, and two of them that compute leave nothing of two
-processors to anybody else: links die, heartbeats stop. So a thread keeps that priority for a motion alone, and only
-where real time was asked for.
+processors to anybody else: links die, heartbeats stop. So a thread keeps that priority for a motion alone, and not
+even then where the robot's clock waits for it (a simulated box in lockstep).
 """
 
 import contextlib
@@ -21,7 +21,8 @@ def in_own_scheduling(control: Callable[[Callback], None], callback: Callback, r
     Args:
         control: Begins the motion with a callback and returns when it has ended.
         callback: Answers a robot state with a command.
-        realtime: Keep libfranka's priority during the motion; else it is given up at the first state.
+        realtime: Keep libfranka's priority during the motion, where this user may have it; else it is given up at the
+            first state.
 
     Raises:
         Exception: What `control` raises.
