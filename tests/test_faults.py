@@ -77,7 +77,7 @@ def test_the_judge_sees_motion_beside_the_certified_path():
     assert bad.uncertified > 100 and bad.departure == pytest.approx(2e-3, rel=0.05)
     blow = history(np.concatenate([motion.q[:501], np.repeat(motion.q[500:501] + 1e-3, 200, axis=0)]), 2)
     assert judge_movement(blow, 0, 400, motion).uncertified == 1, "a client that commands this is seen"
-    blow.mode[501:] = 4
+    blow.told[501:] = False
     assert judge_movement(blow, 0, 400, motion).uncertified == 0, "the box that gives way to a blow is no client"
     moving = judge_movement(history(motion.q[:500], 2), 0, 100, motion)
     assert moving.to_rest is None, "it does not rest at the end of the window"

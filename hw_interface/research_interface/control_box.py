@@ -358,6 +358,7 @@ class ControlBox:
             self._cartesian_collision[hit] = 1.0
             if self._motion is not None:
                 self._set_point.moving_at(readings.q, readings.dq)  # give way instead of pressing on
+                self._told = False
                 self.reflex(Error.JOINT_REFLEX if hit_joints.any() else Error.CARTESIAN_REFLEX)
         if self._motion is not None:
             error = measured_error(readings.q, readings.dq, readings.drive, self._limits)
