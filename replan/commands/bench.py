@@ -208,6 +208,27 @@ class BenchResearchInterface:
 
 
 @dataclass(frozen=True)
+class BenchRealTime:
+    """Validated motions through the whole real driver on the simulated control box at the pace of the clock: how many
+    are completed, how many commands come late on this machine.
+    """
+
+    runs: int = 30
+    """Motions."""
+    jobs: int = 1
+    """Robots at a time, each with a control box of its own."""
+    load: int = 0
+    """Processes that compute beside them."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code, 1 when a motion was not completed."""
+        command = [sys.executable, "-m", "benchmarks.real_time", "--runs", str(self.runs), "--jobs", str(self.jobs)]
+        return _call([*command, "--load", str(self.load), *["--json"] * self.json])
+
+
+@dataclass(frozen=True)
 class BenchTransport:
     """How soon a motion is accepted by the robot's process, how late states are and whether any is lost, pictures a
     second: on the machine as it is, and while all its cores compute.
@@ -252,7 +273,7 @@ class BenchFaults:
 @dataclass(frozen=True)
 class Bench:
     """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
-    verdicts, the control box, transport.
+    verdicts, the control box, the driver in real time and under faults, transport.
     """
 
     name: tyro.conf.OmitSubcommandPrefixes[
@@ -268,6 +289,7 @@ class Bench:
             | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]
             | Annotated[BenchTransport, tyro.conf.subcommand("transport")]
             | Annotated[BenchResearchInterface, tyro.conf.subcommand("research-interface")]
+            | Annotated[BenchRealTime, tyro.conf.subcommand("real-time")]
             | Annotated[BenchFaults, tyro.conf.subcommand("faults")]
         ]
     ]
