@@ -93,6 +93,7 @@ def panda_side(
     with start_control_box(box_command) as box:
         audit = audit_log or folder / f"audit_{uuid.uuid4().hex}.jsonl"
         command = [*replan, "panda", "--address", address, "--cell", CELL, "--endpoint", "tcp/127.0.0.1:0"]
+        command += ["--realtime", "ignore"]
         command += ["--audit-log", str(audit), "--lockstep-patience", str(PATIENCE if pace == "lockstep" else 0.0)]
         with start_sim_process(command) as supervisor:
             yield PandaSide(box, supervisor, audit)

@@ -57,6 +57,7 @@ class Player:
         patience: Wall time in [s] to wait for the next clearance before beginning to come to rest. 0 on a real robot,
             whose time does not wait; more where the robot's time stands still meanwhile (a control box in lockstep).
         gone: Whether the supervisor's process is gone.
+        priority: Whether motions have real-time priority, where this user may give it.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Player:
         F_T_EE: np.ndarray,
         patience: float,
         gone: Callable[[], bool],
+        priority: bool,
     ) -> None:
         self._robot, self._libfranka = robot, libfranka
         self._gate, self._board, self._link = gate, board, link
@@ -77,6 +79,7 @@ class Player:
         self._end_effector_told = False
         self._patience = patience
         self._gone = gone
+        self._priority = priority
         self._motion = 0
         self._trajectory: Trajectory | None = None
         self._parts: tuple[Part, ...] = ()
@@ -205,9 +208,8 @@ class Player:
         gc.disable()  # a collection in the middle of a motion would lose packets
         try:
             mode = self._libfranka.ControllerMode.kJointImpedance
-            realtime = self._patience <= 0.0  # else the robot's clock waits for this machine
             in_own_scheduling(
-                lambda answer: self._robot.control_joint_position(answer, mode, False, 1000.0), callback, realtime
+                lambda answer: self._robot.control_joint_position(answer, mode, False, 1000.0), callback, self._priority
             )
         except Exception as error:
             return ended(*_why_aborted(str(error)))

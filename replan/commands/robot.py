@@ -82,7 +82,7 @@ class RobotPanda:
     """File to which every request, motion, stop and acknowledgement is appended; no motion without it."""
     realtime: Literal["auto", "enforce", "ignore"] = "auto"
     """Whether kernel and user must be able to keep deadlines; auto: where the kernel is real-time. Motions
-    have real-time priority wherever this user may give it."""
+    have real-time priority if this user may give it; with ignore, for a simulated box, never."""
     lockstep_patience: float = 0.0
     """For a simulated box in lockstep only: wall time in seconds that its clock may wait for this machine."""
     parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
