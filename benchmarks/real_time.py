@@ -1,8 +1,9 @@
 """Validated motions through the whole driver at real-time pace: how many are completed, how many commands came late.
 
 The simulated control box keeps the wall clock: a command that is not there within its millisecond is lost, twenty lost
-ones in a row abort the motion. In front of it stands `replan robot panda`, at ordinary priority,
-and a client that sends motion after motion with a certificate. Losses are counted in the box. Gripper events are rests of the arm; the box's world holds the arm alone.
+ones in a row abort the motion. In front of it stands `replan robot panda`, at ordinary priority, and a client that
+sends motion after motion with a certificate. Losses are counted in the box. Gripper events are rests of the arm; the
+box's world holds the arm alone.
 
     python -m benchmarks.real_time --motions motions.npz --runs 30 [--jobs 4] [--load 16] [--json]
 """
