@@ -4,7 +4,6 @@ At a speed below 1 it commands exactly their path, by a slower clock. What it ac
 the same for every robot side (`hw_interface.latched_robot`).
 """
 
-import logging
 import time
 from collections.abc import Callable
 
@@ -18,8 +17,6 @@ from hw_interface.latched_robot import LatchedRobot, internal_trouble
 from hw_interface.messages import Trouble
 from hw_interface.played_motion import PlayedMotion
 from hw_interface.supervisor import SupervisionLimits
-
-LOG = logging.getLogger(__name__)
 
 
 class Driver(LatchedRobot[PlayedMotion]):
@@ -42,7 +39,6 @@ class Driver(LatchedRobot[PlayedMotion]):
         super().__init__(gate, cell, measured, measured.q, supervision, clock)
         self._backend = backend
         self._at_rest = np.zeros_like(self._q_d)
-        self._faults: dict[str, str] = {}  # that last, by what was being done
 
     def tick(self) -> None:
         """One millisecond of robot time: measure, supervise, command. Never raises."""
@@ -64,12 +60,6 @@ class Driver(LatchedRobot[PlayedMotion]):
         except Exception as error:
             self._log_fault("commanding", error)
             self._hold(internal_trouble(error))
-
-    def _log_fault(self, doing: str, error: Exception) -> None:
-        """Log a fault that lasts once, not a thousand times a second."""
-        if self._faults.get(doing) != repr(error):
-            self._faults[doing] = repr(error)
-            LOG.exception("fault while %s", doing)
 
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> PlayedMotion:
         return PlayedMotion(trajectory, certificate.serial, speed, self.gate, self._supervision, self._clock())

@@ -103,6 +103,7 @@ class LatchedRobot(ABC, Generic[M]):
         self._trouble: Trouble | None = None
         self._used: set[str] = set()
         self._results: dict[str, MotionResult] = {}
+        self._faults: dict[str, str] = {}  # that last, by what was being done
 
     @property
     def mode(self) -> Mode:
@@ -265,6 +266,12 @@ class LatchedRobot(ABC, Generic[M]):
             self._begin_stop(self._motion, "idle" if trouble.code == MISSED_GRASP else "reflex", trouble)
         elif self._motion.stop_mode != "reflex":
             self._motion.stop_mode, self._motion.trouble = "reflex", trouble
+
+    def _log_fault(self, doing: str, error: Exception) -> None:
+        """Log a fault that lasts once, not with every tick; the caller forgets it when the doing works again."""
+        if self._faults.get(doing) != repr(error):
+            self._faults[doing] = repr(error)
+            LOG.exception("fault while %s", doing)
 
     def _begin_stop(self, motion: M, then: Mode, trouble: Trouble | None) -> None:
         motion.stopping, motion.stop_mode, motion.trouble = True, then, trouble

@@ -94,15 +94,17 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         """Look at what was measured, supervise, and clear what comes next. Never raises."""
         try:
             trouble = self._look()
+            self._faults.pop("looking", None)
         except Exception as error:
-            LOG.exception("fault while looking")
+            self._log_fault("looking", error)
             trouble = internal_trouble(error)
         if trouble is not None:
             self._react(trouble)
         try:
             self._go_on()
+            self._faults.pop("going on", None)
         except Exception as error:
-            LOG.exception("fault while going on")
+            self._log_fault("going on", error)
             self._hold(internal_trouble(error))
 
     def acknowledge(self) -> None:
