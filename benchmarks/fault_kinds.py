@@ -4,6 +4,7 @@ Every fault is injected at a random moment of a certified motion (some before it
 must be afterwards; what must never happen, whatever the fault, is judged by `benchmarks.fault_judgement`.
 """
 
+import contextlib
 import os
 import resource
 import signal
@@ -78,8 +79,15 @@ def _signal(child: str, number: int) -> Callable[[Scene], None]:
     def inject(scene: Scene) -> None:
         pid = scene.side.supervisor.pid if child == "supervisor" else scene.side.child(child)
         os.kill(pid, number)
+        if number == signal.SIGSTOP:  # one that nobody noticed would be the next injection's fault
+            scene.cleanup.append(lambda: _wake(pid))
 
     return inject
+
+
+def _wake(pid: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGCONT)
 
 
 def _freeze_supervisor(scene: Scene) -> None:
