@@ -224,7 +224,9 @@ KINDS = (
     Kind("planner frozen", _signal_operator(signal.SIGSTOP), ("rests",), own_process=True),
     Kind("gripper process killed", _signal("panda_hand", signal.SIGKILL), ("rests",)),
     Kind("gripper process frozen", _signal("panda_hand", signal.SIGSTOP), ("rests", "completed")),
-    Kind("gripper not answering", _box("gripper_silent on"), ("rests", "completed")),
+    Kind(
+        "gripper not answering", _box("gripper_silent on", off="gripper_silent off", pause=4.0), ("rests", "completed")
+    ),
     Kind("user stop", _box("user_stop on"), ("rests",)),
     Kind("reflex", _box("reflex joint_reflex"), ("rests",)),
     Kind("push", _box("push {joint} 70 0.3"), ("rests",)),

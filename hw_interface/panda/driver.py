@@ -34,8 +34,9 @@ from hw_interface.panda.player_process import CONNECT_TIMEOUT, PlayerProcess
 from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)
-LOAD_TIMEOUT = 5.0  # [s]
-RECOVER_TIMEOUT = 3.0  # [s]; a client waits 5 s for its answer
+# A client waits 5 s for its answer, and is to hear why nothing moves.
+LOAD_TIMEOUT = 3.0  # [s]
+RECOVER_TIMEOUT = 3.0  # [s]
 SUPERVISOR = "supervisor"  # who asks the player
 ROBOT_MODES = ("other", "idle", "move", "guiding", "reflex", "user_stopped", "recovery")  # as libfranka.RobotMode
 IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # of these
