@@ -6,7 +6,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from control.gripper import PANDA_HAND, GripperModel
+from control.robot.gripper import PANDA_HAND, GripperModel
 
 # Names that every MuJoCo model of ours uses for the robot (the twin's and the simulated cell's alike).
 ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from perception.devices import Precision
+from perception.detection.devices import Precision
 from perception.errors import OptionError
 
 

@@ -7,31 +7,31 @@ from types import MappingProxyType
 
 import numpy as np
 
-from perception import bundled
-from perception.by_noun import ByNounDetector
-from perception.colour_words import colour_of
-from perception.contradiction import contradicted
+from perception.catalogue.appearance import look_of
+from perception.catalogue.colour_words import colour_of
+from perception.detection import bundled
+from perception.detection.detector_router import ByNounDetector
+from perception.detection.model_files import DETECTOR, SEGMENTER, find_model
+from perception.detection.nms import box_iou, suppress
+from perception.detection.shape_conflicts import contradicted
 from perception.errors import FrameError, ModelUnavailableError
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Unseen
-from perception.form_fit import FormSettings
-from perception.form_search import find_forms, forms_of
 from perception.frames import RgbdFrame
-from perception.instances import group_by_thing, instance_name
+from perception.geometry.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
+from perception.geometry.refinement import Refined
+from perception.geometry.shape_choice import kinds_of
+from perception.geometry.solids import Solid
+from perception.geometry.stacks import own_pixels, whole_stack
+from perception.geometry.support import SupportPlane, estimate_support
 from perception.interfaces import Detection, Detector, Segmenter, ShapeDetector
-from perception.known_fit import KnownFit, KnownSettings, fit_known
-from perception.known_forms import KnownForm
-from perception.known_models import KnownModel
-from perception.looks import look_of
-from perception.merging import merge
-from perception.model_files import DETECTOR, SEGMENTER, find_model
-from perception.nms import box_iou, suppress
+from perception.known_shapes.articulated_fit import KnownFit, KnownSettings, fit_known
+from perception.known_shapes.form_fit import FormSettings
+from perception.known_shapes.form_search import find_forms, forms_of
+from perception.known_shapes.forms import KnownForm
+from perception.known_shapes.models import KnownModel
 from perception.options import PerceptionOptions
-from perception.pose import MaskedCloud, PoseSettings, fit_solid, masked_cloud
-from perception.refine import Refined
-from perception.shape_choice import kinds_of
-from perception.solids import Solid
-from perception.stacks import own_pixels, whole_stack
-from perception.support import SupportPlane, estimate_support
+from perception.tracking.instances import group_by_thing, instance_name
+from perception.tracking.merging import merge
 
 # Sides of a thing of a known form against its usual ones, shortest with shortest: partly hidden, or a big one.
 LEAST_SHARE, MOST_SHARE = 0.4, 1.5
@@ -377,7 +377,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
             return colour
         return ByNounDetector(colour, learned, learned.known_words)
     if name == "colour":
-        from perception.colour_shape import ColourShapeDetector, ColourShapeSettings
+        from perception.detection.colour_shape import ColourShapeDetector, ColourShapeSettings
 
         settings = ColourShapeSettings()
         if options.threshold is not None:
@@ -385,7 +385,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
         return ColourShapeDetector(settings)
     if name == "bundled":
         return _bundled_detector(options)
-    from perception.hf_models import THRESHOLD, TransformersDetector
+    from perception.detection.hf_models import THRESHOLD, TransformersDetector
 
     find_model(name, DETECTOR, options.offline)  # now, so that a wrong name does not wait for the first look
     return TransformersDetector(
@@ -404,13 +404,13 @@ def _bundled_detector(options: PerceptionOptions) -> bundled.BundledDetector:
 def _segmenter(name: str, options: PerceptionOptions) -> Segmenter:
     name = bundled.DEFAULT_SEGMENTER if name == "default" else name
     if name == "grabcut":
-        from perception.grabcut import GrabCutSegmenter
+        from perception.detection.grabcut import GrabCutSegmenter
 
         return GrabCutSegmenter()
     if name == "bundled":
         return bundled.bundled_segmenter(bundled.SEGMENTER_FOLDER, options.device, options.precision)
-    from perception.crop_segmenter import CropSegmenter, read_crop_settings
-    from perception.hf_models import TransformersSegmenter
+    from perception.detection.crop_segmenter import CropSegmenter, read_crop_settings
+    from perception.detection.hf_models import TransformersSegmenter
 
     folder = find_model(name, SEGMENTER, options.offline)
     crops = read_crop_settings(folder)

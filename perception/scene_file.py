@@ -15,10 +15,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from perception.catalogue.appearance import COLOURS
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate, SceneEstimate, Shape, Unseen
-from perception.looks import COLOURS
-from perception.tracking import Track
+from perception.tracking.tracker import Track
 
 Row4 = tuple[float, float, float, float]
 ORTHONORMAL = 1e-3  # largest fault of a rotation matrix: numbers in files are rounded
@@ -41,7 +41,7 @@ Pose = Annotated[tuple[Row4, Row4, Row4, Row4], AfterValidator(_pose)]
 
 
 class TrackRecord(_Strict):
-    """The thing that an object of one frame is, as followed through the frames before (`perception.tracking`).
+    """The thing that an object of one frame is, as followed through the frames before (`perception.tracking.tracker`).
 
     Attributes:
         id: Its name for good; with several of a kind red_cube, red_cube_2, ...
@@ -212,7 +212,7 @@ class PerceptionResult(_Strict):
         frames: One record a look, in order of time.
         skipped: What could not be used.
         finished: Whether the recording was read to its end; false where the program was stopped.
-        metrics: Measured against the truth (`perception.scoring`), where the recording has it.
+        metrics: Measured against the truth (`perception.evaluation.scoring`), where the recording has it.
     """
 
     source: str

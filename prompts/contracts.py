@@ -26,16 +26,16 @@ AnswerForm = Literal[
 
 # What reads each form of answer; strict, and what it refuses is asked again with its reason.
 PARSERS: Mapping[AnswerForm, str] = {
-    "yes_no": "planning.answers.parse_yes_no",
-    "plan": "planning.answers.parse_plan",
-    "description": "planning.answers.parse_description",
-    "reward_code": "planning.reward_program.parse_reward_answer",
-    "step": "planning.answers.parse_step_number",
-    "reasons": "planning.answers.parse_reasons",
-    "questions": "planning.answers.parse_questions",
-    "question_type": "planning.answers.parse_question_type",
-    "completion": "planning.answers.parse_completion",
-    "sentence": "planning.answers.parse_sentence",
+    "yes_no": "planning.language.answers.parse_yes_no",
+    "plan": "planning.language.answers.parse_plan",
+    "description": "planning.language.answers.parse_description",
+    "reward_code": "planning.language.reward_program.parse_reward_answer",
+    "step": "planning.language.answers.parse_step_number",
+    "reasons": "planning.language.answers.parse_reasons",
+    "questions": "planning.language.answers.parse_questions",
+    "question_type": "planning.language.answers.parse_question_type",
+    "completion": "planning.language.answers.parse_completion",
+    "sentence": "planning.language.answers.parse_sentence",
 }
 
 PHRASINGS = 6  # of diagnose_failure: two questions, each in three wordings

@@ -53,9 +53,9 @@ def test_the_command_line_imports_nothing_heavy_before_a_command_is_run():
 
 
 def test_a_robot_side_reads_and_verifies_a_certificate_without_twin_and_robot_model(tmp_path):
-    from control.certificate_file import write_certificate
-    from control.trajectory_file import write_trajectory
-    from tests.hw_support import certificate, swing
+    from control.motion_files.trajectory_file import write_trajectory
+    from control.safety.certificate_file import write_certificate
+    from tests.support.hw_support import certificate, swing
 
     motion = swing(0.2, 0.01)
     write_trajectory(tmp_path / "motion.npz", motion)
@@ -63,11 +63,11 @@ def test_a_robot_side_reads_and_verifies_a_certificate_without_twin_and_robot_mo
     loaded = modules_after(
         "import time\n"
         "from pathlib import Path\n"
-        "from control.certificate_file import read_certificate\n"
-        "from control.certify import verify_certificate\n"
+        "from control.safety.certificate_file import read_certificate\n"
+        "from control.safety.certification import verify_certificate\n"
         "from control.errors import RefusedError\n"
-        "from control.motion_npz import read_npz\n"
-        "import hw_interface.gate, control.on_path_stop, control.speed_override\n"
+        "from control.motion_files.npz_motions import read_npz\n"
+        "import hw_interface.cell.gate, control.trajectory.on_path_stop, control.trajectory.speed_override\n"
         f"c = read_certificate(Path({str(tmp_path / 'certificate.json')!r}))\n"
         f"t = read_npz(Path({str(tmp_path / 'motion.npz')!r})).trajectory\n"
         "verify_certificate(c, t, c.profile, c.firmware, c.limits_hash, time.time(), set(), t.q[0], 60.0)\n"
@@ -83,6 +83,7 @@ def test_a_robot_side_reads_and_verifies_a_certificate_without_twin_and_robot_mo
 
 def test_frame_and_trajectory_types_need_numpy_only():
     loaded = modules_after(
-        "import perception.frames, control.trajectory, control.limits, control.certificate, control.rewards"
+        "import perception.frames, control.trajectory.samples, control.robot.limits\n"
+        "import control.safety.certificate, control.tasks.reward_spec"
     )
     assert not loaded & {*HEAVY, "scipy", "pydantic"}

@@ -11,13 +11,13 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.motion_scenes import MOTIONS, draw_scene
-from control.limits import panda_limits
-from control.motion_result import MotionPlan
-from control.motion_search import plan_motion
-from control.rollouts import commands_for, roll_out
-from sim_check.cells import load_cell
-from sim_check.render import FreeView, render_twin
+from benchmarks.motion.motion_scenes import MOTIONS, draw_scene
+from control.planners.motion_search import plan_motion
+from control.planners.result import MotionPlan
+from control.robot.limits import panda_limits
+from control.simulation.rollouts import commands_for, roll_out
+from sim_check.cells.loading import load_cell
+from sim_check.models.render import FreeView, render_twin
 
 SEED = 0
 ROWS = ("remove_bar", "open_door", "remove_kettle", "turn")

@@ -11,9 +11,9 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from sim_check.cells import builtin_cells, load_cell
-from sim_check.render import FreeView
-from sim_check.world import build_world
+from sim_check.cells.loading import builtin_cells, load_cell
+from sim_check.models.render import FreeView
+from sim_check.world.world import build_world
 
 SEED = 0
 VIEW = FreeView(look_at=(0.42, 0.0, 0.22), distance=1.9, azimuth_deg=38.0, elevation_deg=-33.0)

@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from control.errors import ConfigError, MachineError, StackError
 from control.strict_yaml import read_mapping
-from hw_interface.link_security import Role
+from hw_interface.link.security import Role
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINES = Path(__file__).with_name("machines.yaml")

@@ -10,11 +10,11 @@ import numpy as np
 import zenoh
 
 from control.errors import RefusedError
-from control.gripper import GripperModel
-from control.robot import RobotModel
-from control.robot_description import HAND_FRAME, arm_model
-from hw_interface.messages import RobotState
-from hw_interface.streams import StateReader
+from control.robot.description import HAND_FRAME, arm_model
+from control.robot.dynamics import RobotModel
+from control.robot.gripper import GripperModel
+from hw_interface.link.streams import StateReader
+from hw_interface.messages.robot import RobotState
 
 KEPT = 2.0  # [s] of states; pictures are older by what exposure, read-out and transfer take
 NEAR = 0.05  # [s] from a picture's stamp to the state before and to that after it; states come every 14 ms

@@ -11,12 +11,12 @@ from collections.abc import Callable
 import zenoh
 
 from control.errors import ConfigError, RobotGoneError
-from hw_interface.camera_messages import CameraHealth, HealthRequest
 from hw_interface.cameras.offers import all_cameras, camera_token, offered_cameras, this_owner
-from hw_interface.frame_message import FrameMessage
-from hw_interface.messages import CellInfo, FrameRequest, InfoRequest
-from hw_interface.transport import CAMERA_HEALTH_KEY, FRAME_KEY, INFO_KEY, answer, ask, read_request, refusing
-from hw_interface.wire import encode
+from hw_interface.link.transport import CAMERA_HEALTH_KEY, FRAME_KEY, INFO_KEY, answer, ask, read_request, refusing
+from hw_interface.messages.cameras import CameraHealth, HealthRequest
+from hw_interface.messages.frames import FrameMessage
+from hw_interface.messages.robot import CellInfo, FrameRequest, InfoRequest
+from hw_interface.messages.wire import encode
 from perception.frames import RgbdFrame
 
 TOKEN_TIMEOUT = 2.0  # [s] for the answer to who else is there

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import zenoh
 
 from control.errors import ConfigError
-from hw_interface.transport import CAMERA_KEY
+from hw_interface.link.transport import CAMERA_KEY
 
 
 def this_owner() -> str:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from control.errors import ConfigError
 from hw_interface.cameras.source import Shot, SourceEndedError
 from perception.frames import RgbdFrame
-from perception.recording import Recording
+from perception.recordings.base import Recording
 
 LONGEST_PAUSE = 10.0  # [s] between two pictures, whatever their stamps say
 

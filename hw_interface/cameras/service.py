@@ -8,14 +8,14 @@ from dataclasses import replace
 import zenoh
 
 from control.errors import RobotGoneError
-from hw_interface.camera_messages import CameraHealth, ClockReading, ClockRequest
 from hw_interface.cameras.capture import DEFAULT_MAX_AGE, Capture, OnRequest
 from hw_interface.cameras.mounting import Mounting
 from hw_interface.cameras.node import CameraNode
 from hw_interface.cameras.offers import this_owner
 from hw_interface.cameras.source import CameraFailedError, CameraSource
-from hw_interface.clock_offset import RobotClock
-from hw_interface.transport import CLOCK_KEY, ask
+from hw_interface.link.clock_offset import RobotClock
+from hw_interface.link.transport import CLOCK_KEY, ask
+from hw_interface.messages.cameras import CameraHealth, ClockReading, ClockRequest
 from perception.frames import RgbdFrame
 
 BEAT = 0.1  # [s]

@@ -5,19 +5,19 @@ these samples for the milliseconds to come, at first as planned and then, on the
 the next clearance replaces the end of the one before in time. When none comes, because the supervisor has died, hangs
 or has withdrawn the right to move, the player comes to rest by doing nothing else than what it was already told.
 
-Rows count the milliseconds of a motion, as the rows of `control.playback.Playback`.
+Rows count the milliseconds of a motion, as the rows of `control.trajectory.playback.Playback`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from control.change_of_rate import HISTORY, ROUNDING
 from control.errors import RefusedError
-from control.limits import RobotLimits
-from control.on_path_stop import stop_on_path
-from control.playback import NODE, PROGRESS, Playback, at_progress
-from control.trajectory import SAMPLE_TIME
+from control.robot.limits import RobotLimits
+from control.trajectory.change_of_rate import HISTORY, ROUNDING
+from control.trajectory.on_path_stop import stop_on_path
+from control.trajectory.playback import NODE, PROGRESS, Playback, at_progress
+from control.trajectory.samples import SAMPLE_TIME
 
 MOST_ROWS = 16384  # of one clearance
 KEPT_ROWS = 2 * MOST_ROWS  # that a player remembers

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.errors import RefusedError
-from control.on_path_stop import stop_on_path
-from control.playback import PROGRESS, RATE, Playback
-from control.speed_override import check_length, override_speed
-from control.trajectory import SAMPLE_TIME, GripperCommand, GripperEvent, Trajectory
-from hw_interface.backend import Measured
-from hw_interface.gate import Gate
-from hw_interface.messages import Mode, Trouble
-from hw_interface.motion_messages import MotionResult, Outcome
-from hw_interface.motion_record import MotionRecord
+from control.trajectory.on_path_stop import stop_on_path
+from control.trajectory.playback import PROGRESS, RATE, Playback
+from control.trajectory.samples import SAMPLE_TIME, GripperCommand, GripperEvent, Trajectory
+from control.trajectory.speed_override import check_length, override_speed
+from hw_interface.cell.backend import Measured
+from hw_interface.cell.gate import Gate
+from hw_interface.cell.motion_monitor import SupervisionLimits, Supervisor
+from hw_interface.cell.motion_record import MotionRecord
+from hw_interface.cell.played_motion import refusing_plan
+from hw_interface.messages.motions import MotionResult, Outcome
+from hw_interface.messages.robot import Mode, Trouble
 from hw_interface.panda.clearance import Clearance, clear
 from hw_interface.panda.parts import Part, moving_events, parts_of
-from hw_interface.played_motion import refusing_plan
-from hw_interface.supervisor import SupervisionLimits, Supervisor
 
 LEAD = 200  # rows (milliseconds) that are cleared as planned; a lost supervisor is noticed by their running out
 RENEW = 25  # rows after which a new clearance is given
@@ -40,14 +40,14 @@ class ClearedMotion:
     """A certified trajectory on its way through a player, part by part.
 
     Args:
-        trajectory, serial, speed, gate, supervision, started: As for `hw_interface.played_motion.PlayedMotion`.
+        trajectory, serial, speed, gate, supervision, started: As for `hw_interface.cell.played_motion.PlayedMotion`.
         number: Ordinal number of the motion, from 1.
         thinker: Where changes of speed are computed, so that clearances go on meanwhile.
         give_up: Rows before a change of speed would begin at which one that is not worked out yet is given up.
 
     Attributes:
         part: Index of the part that is played, or is next.
-        stop_mode, stopping, trouble: As in `hw_interface.latched_robot.Motion`.
+        stop_mode, stopping, trouble: As in `hw_interface.cell.robot_state_machine.Motion`.
 
     Raises:
         RefusedError: too_slow, or breaks_limit at that speed.
@@ -123,7 +123,7 @@ class ClearedMotion:
         return float(self._playback.clock[self._row, RATE]) if self._begun else 0.0
 
     def result(self, outcome: Outcome, q_d: np.ndarray, measured: Measured, now: float) -> MotionResult:
-        """As `hw_interface.latched_robot.Motion.result`."""
+        """As `hw_interface.cell.robot_state_machine.Motion.result`."""
         return self._record.result(outcome, self.trouble, self.played, q_d, measured, self.speed, now)
 
     # --- what is seen -------------------------------------------------------------------------------------------

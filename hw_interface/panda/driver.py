@@ -18,20 +18,20 @@ from typing import Literal
 
 import numpy as np
 
-from control.certificate import Certificate
 from control.errors import RefusedError, StackError
-from control.trajectory import SAMPLE_TIME, Trajectory
-from hw_interface.backend import Measured
+from control.safety.certificate import Certificate
+from control.trajectory.samples import SAMPLE_TIME, Trajectory
+from hw_interface.cell.backend import Measured
+from hw_interface.cell.gate import Gate
+from hw_interface.cell.motion_monitor import SupervisionLimits
+from hw_interface.cell.robot_state_machine import LatchedRobot, internal_trouble
 from hw_interface.errors import MessageError
-from hw_interface.gate import Gate
-from hw_interface.latched_robot import LatchedRobot, internal_trouble
-from hw_interface.messages import Refusal, Trouble
-from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.messages.motions import TrajectoryRequest
+from hw_interface.messages.robot import Refusal, Trouble
 from hw_interface.panda.cleared_motion import GIVE_UP, ClearedMotion
 from hw_interface.panda.hand import Hand
 from hw_interface.panda.link import BeginPart, LoadMotion, MotionLoaded, PartEnded, Recover, Recovered
 from hw_interface.panda.player_process import CONNECT_TIMEOUT, PlayerProcess
-from hw_interface.supervisor import SupervisionLimits
 
 LOG = logging.getLogger(__name__)
 # A client waits 5 s for its answer, and is to hear why nothing moves.

@@ -5,8 +5,8 @@ import time
 from typing import Any
 
 from control.errors import MachineError
-from control.gripper import GripperModel
-from control.trajectory import GripperCommand
+from control.robot.gripper import GripperModel
+from control.trajectory.samples import GripperCommand
 from hw_interface.panda.hand import HandReading
 
 SPEED = 0.1  # [m/s] between the pads; Franka Hand, product manual: travel speed 50 mm/s a finger

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from control.trajectory import GripperCommand
+from control.trajectory.samples import GripperCommand
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from control.errors import MachineError, StackError
-from control.trajectory import GripperCommand
+from control.trajectory.samples import GripperCommand
 from hw_interface.errors import MessageError
-from hw_interface.messages import Refusal
+from hw_interface.messages.robot import Refusal
+from hw_interface.messages.wire import Message
 from hw_interface.panda.hand import Hand, HandReading
 from hw_interface.panda.link import Link
-from hw_interface.wire import Message
 
 CONNECT_TIMEOUT = 15.0  # [s]
 SILENT = 3.0  # [s] without a turn of the process's loop: it, or the gripper, hangs

@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from hw_interface.errors import MessageError
-from hw_interface.messages import Refusal, Text
-from hw_interface.motion_messages import TrajectoryRequest
-from hw_interface.wire import MAX_MESSAGE_BYTES, Message, decode, encode, type_of
+from hw_interface.messages.motions import TrajectoryRequest
+from hw_interface.messages.robot import Refusal, Text
+from hw_interface.messages.wire import MAX_MESSAGE_BYTES, Message, decode, encode, type_of
 
 Mass = Annotated[float, Field(ge=0)]
 

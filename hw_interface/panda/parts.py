@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.trajectory import SAMPLE_TIME, GripperEvent, Trajectory
+from control.trajectory.samples import SAMPLE_TIME, GripperEvent, Trajectory
 
 REST_SPEED, REST_ACCELERATION = 1e-6, 1e-3  # [rad/s], [rad/s^2]; as the check of a trajectory's ends
 

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from control.errors import MachineError, RefusedError, StackError
-from control.trajectory import Trajectory
-from hw_interface.backend import Measured
+from control.trajectory.samples import Trajectory
+from hw_interface.cell.backend import Measured
+from hw_interface.cell.gate import Gate
 from hw_interface.errors import MessageError
-from hw_interface.gate import Gate
-from hw_interface.messages import Refusal
-from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.messages.motions import TrajectoryRequest
+from hw_interface.messages.robot import Refusal
 from hw_interface.panda.board import Board, Order
 from hw_interface.panda.clearance import JOIN_ROWS, ClearedPath
 from hw_interface.panda.collision import thresholds

@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Pipe
 
 from control.errors import MachineError, RobotGoneError
-from hw_interface.messages import Refusal
+from hw_interface.messages.robot import Refusal
+from hw_interface.messages.wire import Message
 from hw_interface.panda.board import Board
 from hw_interface.panda.link import Link, PlayerReady
-from hw_interface.wire import Message
 
 CONNECT_TIMEOUT = 15.0  # [s] until the control box has answered; importing takes a second or two
 STILL_MOVING, STILL_RESTING = 0.3, 3.0  # [s] without a turn of the player's loop after which it is ended

@@ -2,8 +2,8 @@
 
 import time
 
-from hw_interface.node import RobotNode
-from hw_interface.pacing import FAREWELL_TIME, FROZEN_AFTER, Leash
+from hw_interface.cell.node import RobotNode
+from hw_interface.cell.pacing import FAREWELL_TIME, FROZEN_AFTER, Leash
 from hw_interface.panda.driver import PandaDriver
 
 TURN = 0.003  # [s] between two looks at the player

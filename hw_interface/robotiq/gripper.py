@@ -5,8 +5,8 @@ import time
 from typing import Any
 
 from control.errors import ConfigError, MachineError
-from control.gripper import ROBOTIQ_2F85
-from control.trajectory import GripperCommand
+from control.robot.gripper import ROBOTIQ_2F85
+from control.trajectory.samples import GripperCommand
 from hw_interface.panda.hand import HandReading
 from hw_interface.robotiq import registers
 from hw_interface.robotiq.registers import Calibration, Status

@@ -11,7 +11,7 @@ Source: Robotiq, 2F-85 & 2F-140 instruction manual, "Control": register mapping,
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from control.gripper import ROBOTIQ_2F85
+from control.robot.gripper import ROBOTIQ_2F85
 
 OUTPUT, INPUT = 1000, 2000  # first registers that are written and read
 COUNT = 3

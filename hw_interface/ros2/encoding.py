@@ -1,4 +1,4 @@
-"""Messages of a robot in ROS 2's encoding (CDR); those of pictures and transforms are in `perception.ros2_cdr`."""
+"""Messages of a robot in ROS 2's encoding (CDR); those of pictures and transforms are in `perception.ros2.cdr`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from perception.ros2_cdr import Cdr
+from perception.ros2.cdr import Cdr
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from control.errors import ConfigError
-from control.gripper import GripperModel
-from control.limits import JOINT_NAMES
-from control.robot_description import arm_model
-from control.robot_files import panda_urdf
+from control.robot.description import arm_model
+from control.robot.description_files import panda_urdf
+from control.robot.gripper import GripperModel
+from control.robot.limits import JOINT_NAMES
 
 BASE = "panda_link0"
 FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from control.errors import ConfigError
 from hw_interface.ros2.encoding import Ros2Message
-from perception.mcap_file import Ros2McapFile
+from perception.ros2.mcap_file import Ros2McapFile
 
 CHUNK = 64 * 1024  # bytes, about half a second of states; a killed process loses no more
 

@@ -13,15 +13,15 @@ from typing import Protocol
 import zenoh
 
 from control.errors import StackError
-from hw_interface.client import CellClient
+from hw_interface.cell.client import CellClient
 from hw_interface.errors import MessageError
-from hw_interface.messages import RobotState
-from hw_interface.motion_messages import TrajectoryRequest
+from hw_interface.link.streams import StateReader
+from hw_interface.link.transport import EXECUTING_KEY
+from hw_interface.messages.motions import TrajectoryRequest
+from hw_interface.messages.robot import RobotState
+from hw_interface.messages.wire import decode
 from hw_interface.ros2.encoding import Ros2Message
 from hw_interface.ros2.view import Ros2View
-from hw_interface.streams import StateReader
-from hw_interface.transport import EXECUTING_KEY
-from hw_interface.wire import decode
 from perception.errors import PerceptionError
 from perception.frames import RgbdFrame
 

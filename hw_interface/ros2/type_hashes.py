@@ -10,7 +10,7 @@ import re
 from functools import cache
 from typing import Any
 
-from perception.ros2_cdr import fields
+from perception.ros2.cdr import fields
 
 # Numbers of type_description_interfaces/msg/FieldType.
 PRIMITIVES = {
@@ -33,7 +33,7 @@ NESTED, ARRAY, SEQUENCE = 1, 48, 144  # a nested type; what is added for an arra
 
 @cache
 def type_hash(kind: str) -> str:
-    """The hash of a type of `perception.ros2_cdr.DEFINITIONS`, as "RIHS01_" and 64 hexadecimal digits.
+    """The hash of a type of `perception.ros2.cdr.DEFINITIONS`, as "RIHS01_" and 64 hexadecimal digits.
 
     Args:
         kind: For instance "sensor_msgs/msg/JointState".

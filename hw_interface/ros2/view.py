@@ -16,16 +16,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.gripper import GripperModel
-from control.limits import JOINT_NAMES
-from control.trajectory import SAMPLE_TIME, Trajectory
-from hw_interface.messages import RobotState
+from control.robot.gripper import GripperModel
+from control.robot.limits import JOINT_NAMES
+from control.trajectory.samples import SAMPLE_TIME, Trajectory
+from hw_interface.messages.robot import RobotState
 from hw_interface.ros2 import encoding
 from hw_interface.ros2.encoding import LogLevel, Ros2Message
 from hw_interface.ros2.link_tree import BASE, LinkPose, LinkTree
 from perception.frames import RgbdFrame
-from perception.ros2_cdr import camera_info, image, string, transforms
-from perception.topic_names import topic_name
+from perception.ros2.cdr import camera_info, image, string, transforms
+from perception.ros2.topic_names import topic_name
 
 WORLD = "world"
 POINT_EVERY = 10  # samples of 1 ms between two points of a trajectory; velocities and accelerations fill the gaps

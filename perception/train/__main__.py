@@ -4,8 +4,8 @@
     python -m perception.train detector --steps 30000
     python -m perception.train publish             # measure what was trained and make it the bundled weights
 
-It goes on where it was interrupted. Pictures are rendered by a process of their own (`sim_check.labelled_pictures`)
-while training runs on those that are there.
+It goes on where it was interrupted. Pictures are rendered by a process of their own
+(`sim_check.random_scenes.labelled_pictures`) while training runs on those that are there.
 """
 
 import argparse
@@ -61,7 +61,7 @@ def main() -> int:
 def _train(args: argparse.Namespace) -> None:
     import cv2
 
-    from perception.devices import load_package
+    from perception.detection.devices import load_package
 
     load_package("torch").set_num_threads(args.threads)
     cv2.setNumThreads(1)
@@ -89,14 +89,14 @@ def _publish(args: argparse.Namespace) -> None:
     """Measure what was trained on pictures that were never trained on, and write weights and cards."""
     from datetime import date
 
-    from perception.devices import load_package
+    from perception.detection.devices import load_package
     from perception.train.publish import publish_detector, publish_segmenter
     from perception.train.shards import Shards
 
     torch = load_package("torch")
     torch.set_num_threads(args.threads)
     shards = args.folder / "shards"
-    command = [sys.executable, "-m", "sim_check.labelled_pictures", "--out", str(shards)]
+    command = [sys.executable, "-m", "sim_check.random_scenes.labelled_pictures", "--out", str(shards)]
     subprocess.run([*command, "--first", str(HELD_OUT), "--shards", "2"], check=True)
     held_out = Shards([p for p in sorted(shards.glob("shard_*.npz")) if int(p.stem.split("_")[1]) >= HELD_OUT])
     pictures = 200 * (len(list(shards.glob("shard_*.npz"))) - 2)
@@ -112,7 +112,15 @@ def _publish(args: argparse.Namespace) -> None:
 @contextlib.contextmanager
 def _rendering(folder: Path, shards: int) -> Iterator[None]:
     """A process that renders what is missing, ended when training ends."""
-    command = [sys.executable, "-m", "sim_check.labelled_pictures", "--out", str(folder), "--shards", str(shards)]
+    command = [
+        sys.executable,
+        "-m",
+        "sim_check.random_scenes.labelled_pictures",
+        "--out",
+        str(folder),
+        "--shards",
+        str(shards),
+    ]
     process = subprocess.Popen(command, env={**os.environ, "LP_NUM_THREADS": "1"})
     try:
         yield

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 from perception.errors import FrameError
 
 

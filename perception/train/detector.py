@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from perception.devices import load_package
-from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
+from perception.detection.devices import load_package
+from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.loop import LoopSettings, run_training
 from perception.train.losses import cell_owners, dense_loss, matched_loss
 from perception.train.networks import detector_processor, new_detector

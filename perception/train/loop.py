@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 from perception.train.checkpoints import load_checkpoint, save_checkpoint
 from perception.train.schedule import MeanWeights, rate
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 
 ALPHA = 0.25  # of the focal loss
 CLASS_WEIGHT, BOX_WEIGHT, IOU_WEIGHT = 2.0, 5.0, 2.0

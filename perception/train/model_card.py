@@ -1,15 +1,15 @@
 """The page beside bundled weights that tells people what they are, from the card that programs read."""
 
-from perception.bundled import Card, DetectorCard
+from perception.detection.bundled import Card, DetectorCard
 
 DATA = """## Data
 
-Pictures rendered with MuJoCo by `sim_check.labelled_pictures`: random things of the object library (cubes, blocks,
-crates, bars, apples, oranges, lemons, balls, cans, bowls, kettles), cabinets, microwaves, levers and weight plates, in
-random sizes, shades, places and stacks, with nameless clutter and sometimes a robot arm; random surfaces, lights and
-cameras (0.4 to 1.4 m away, 18 to 78 degrees above the horizon). No photograph, no downloaded weights, no text corpus.
-Figures come from pictures of seeds that were never trained on. To train again: `python -m perception.train`, then
-`python -m perception.train publish`.
+Pictures rendered with MuJoCo by `sim_check.random_scenes.labelled_pictures`: random things of the object library
+(cubes, blocks, crates, bars, apples, oranges, lemons, balls, cans, bowls, kettles), cabinets, microwaves, levers and
+weight plates, in random sizes, shades, places and stacks, with nameless clutter and sometimes a robot arm; random
+surfaces, lights and cameras (0.4 to 1.4 m away, 18 to 78 degrees above the horizon). No photograph, no downloaded
+weights, no text corpus. Figures come from pictures of seeds that were never trained on. To train again: `python -m
+perception.train`, then `python -m perception.train publish`.
 """
 
 DETECTOR_LIMITS = """## Limits

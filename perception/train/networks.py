@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 
 MOST_TEXT = 64  # tokens
 SAM_SIDE = 128  # [px]

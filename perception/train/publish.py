@@ -1,7 +1,7 @@
 """From a training's checkpoints to the bundled weights with their cards.
 
 Figures and the detector's threshold come from rendered pictures of seeds that were never trained on
-(`sim_check.labelled_pictures`, seeds from `HELD_OUT` on).
+(`sim_check.random_scenes.labelled_pictures`, seeds from `HELD_OUT` on).
 """
 
 import json
@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.bundled import CARD_FILE, Card, DetectorCard, SegmenterCard
-from perception.crop_segmenter import CropSegmenter, CropSettings
+from perception.detection.bundled import CARD_FILE, Card, DetectorCard, SegmenterCard
+from perception.detection.crop_segmenter import CropSegmenter, CropSettings
+from perception.detection.hf_models import TransformersDetector
+from perception.detection.nms import suppress
+from perception.evaluation.metrics import Question, absent_false_positive_rate, average_precision, mask_iou, recall
 from perception.frames import CameraIntrinsics, RgbdFrame
-from perception.hf_models import TransformersDetector
 from perception.interfaces import Detection
-from perception.metrics import Question, absent_false_positive_rate, average_precision, mask_iou, recall
-from perception.nms import suppress
 from perception.train.detector import SIDES, boxes_of
 from perception.train.model_card import page
 from perception.train.questions import ask

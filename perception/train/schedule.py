@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 
 
 def rate(step: int, total: int, warm_up: int = 300, cool_down: float = 0.5, least: float = 0.02) -> float:

@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.crop_segmenter import Window, box_in_crop, crop_picture, square_window
-from perception.devices import load_package
-from perception.hf_models import IMAGENET_MEAN, IMAGENET_STD
+from perception.detection.crop_segmenter import Window, box_in_crop, crop_picture, square_window
+from perception.detection.devices import load_package
+from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.loop import LoopSettings, run_training
 from perception.train.networks import SAM_SIDE, new_segmenter
 from perception.train.shards import Sample, Shards, tinted

@@ -1,4 +1,7 @@
-"""Labelled pictures from shards, and their random changes. What a shard holds: `sim_check/labelled_pictures.py`."""
+"""Labelled pictures from shards, and their random changes.
+
+What a shard holds: `sim_check/random_scenes/labelled_pictures.py`.
+"""
 
 import json
 from collections.abc import Sequence

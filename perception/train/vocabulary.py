@@ -4,7 +4,7 @@ import string
 from collections.abc import Sequence
 from typing import Any
 
-from perception.devices import load_package
+from perception.detection.devices import load_package
 
 # transformers' GroundingDINO finds where phrases end by these fixed ids of BERT's vocabulary.
 FIXED = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}

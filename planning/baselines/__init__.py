@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from planning.results import GoalResult
+from planning.loop.results import GoalResult
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Method:
 
 
 METHODS: Mapping[str, Method] = {
-    "replan": Method("the loop: plan, rewards, motion, diagnosis, replanning", "planning.loop", "run_loop"),
+    "replan": Method("the loop: plan, rewards, motion, diagnosis, replanning", "planning.loop.loop", "run_loop"),
     "language-to-rewards": Method(
         "one reward program for the whole goal, one motion",
         "planning.baselines.language_to_rewards",

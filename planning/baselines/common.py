@@ -3,16 +3,16 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from control.errors import GoalError
-from control.failure import FailureCause
-from control.rewards import RewardSpec, RewardTerm
+from control.tasks.failure import FailureCause
+from control.tasks.reward_spec import RewardSpec, RewardTerm
 from perception.estimates import SceneEstimate
-from planning.answers import Plan
-from planning.furnishings import KnownFurniture
-from planning.interfaces import Eyes, Hands, Judge
-from planning.reasoner import Log
-from planning.results import GoalResult, StepRecord
-from planning.sight import Sight
-from planning.trying import attempt, judged
+from planning.language.answers import Plan
+from planning.language.furnishings import KnownFurniture
+from planning.loop.attempt import attempt, judged
+from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.results import GoalResult, StepRecord
+from planning.loop.visual_targets import Sight
+from planning.reasoners.reasoner import Log
 
 
 class Trial:
@@ -20,7 +20,7 @@ class Trial:
 
     Args:
         goal: In plain language.
-        eyes, hands, judge: The world, see `planning.interfaces`.
+        eyes, hands, judge: The world, see `planning.loop.interfaces`.
         known_names: Names that the cell says may be there.
         furniture: What is known of the cell's furniture, by name; looked for as well.
         log: Gets the same events as the loop's.

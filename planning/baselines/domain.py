@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from control.rewards import PALM, RewardSpec, RewardTerm
+from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm
 from perception.estimates import ObjectEstimate, SceneEstimate
 from planning.baselines.strips import Action, Fact, Schema, State, SymbolicProblem
 from planning.baselines.told import Told
-from planning.furnishings import KnownFurniture
-from planning.relations import find_relations
-from planning.scene_facts import WIDE
+from planning.language.furnishings import KnownFurniture
+from planning.language.relations import find_relations
+from planning.language.scene_facts import WIDE
 
 TABLE = "the-table"
 AWAY_DISTANCE = 0.2  # [m] between centres; leaves a hand's width (0.2 m) for the next grasp and stays in reach

@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from control.errors import ReasonerError
-from control.failure import FailureCause
+from control.tasks.failure import FailureCause
 from planning.baselines.common import Trial
-from planning.furnishings import KnownFurniture
-from planning.interfaces import Eyes, Hands, Judge
-from planning.reasoner import Asker, Log, Reasoner
-from planning.results import GoalResult, LoopSettings
-from planning.subtask import Scope, spec_for
-from planning.verifier import AsWritten
+from planning.language.furnishings import KnownFurniture
+from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.results import GoalResult, LoopSettings
+from planning.loop.subtask import Scope, spec_for
+from planning.loop.verifier import AsWritten
+from planning.reasoners.reasoner import Asker, Log, Reasoner
 from prompts.contracts import Role
 
 

@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from control.errors import GoalError
-from control.failure import FailureCause
+from control.tasks.failure import FailureCause
 from perception.estimates import SceneEstimate
-from planning.answers import Plan
 from planning.baselines.common import Trial
 from planning.baselines.domain import distances, sentence, spec_of, symbolic_problem
 from planning.baselines.pddl_text import write_pddl
 from planning.baselines.solver import PLANNER, NoPlanError, solve_files
 from planning.baselines.strips import Action, SymbolicProblem
+from planning.baselines.symbolic_goals import UnplannableError, Wishes, read_wishes
 from planning.baselines.told import read_told
-from planning.baselines.wishes import UnplannableError, Wishes, read_wishes
-from planning.furnishings import KnownFurniture
-from planning.interfaces import Eyes, Hands, Judge
-from planning.reasoner import Log, Reasoner
-from planning.results import GoalResult, LoopSettings
+from planning.language.answers import Plan
+from planning.language.furnishings import KnownFurniture
+from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.results import GoalResult, LoopSettings
+from planning.reasoners.reasoner import Log, Reasoner
 from prompts.contracts import Role
 
 SOLVER_SECONDS = 60.0  # [s]
@@ -50,7 +50,7 @@ def run_pddl(
     """Reach a goal by one symbolic plan, or say why not.
 
     Args:
-        goal: In the small language of goals (`planning.goal_language`).
+        goal: In the small language of goals (`planning.language.goal_language`).
         reasoner, pictures, settings, by_role: Not used: no language model is asked.
         eyes, hands, judge, known_names, log, say: As for the loop.
         furniture: What is known of the cell's furniture, by name.

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from control.failure import FailureCause
-from control.rewards import RewardSpec
+from control.tasks.failure import FailureCause
+from control.tasks.reward_spec import RewardSpec
 from perception.estimates import SceneEstimate
-from planning.interfaces import AttemptResult, Hands
+from planning.loop.interfaces import AttemptResult, Hands
 
 
 @dataclass(frozen=True)

@@ -21,20 +21,20 @@ from typing import Any
 import numpy as np
 
 from control.errors import GoalError, RefusedError, RewardSpecError, UnknownObjectError
-from control.failure import FailureCause
+from control.tasks.failure import FailureCause
 from perception.estimates import SceneEstimate
-from planning.answers import Plan
 from planning.baselines.common import Trial
 from planning.baselines.domain import LOOSE, Distances, distances, sentence, spec_of, symbolic_problem
 from planning.baselines.pddl import judged_goal
 from planning.baselines.rehearsal import Rehearsal, RehearsingHands
 from planning.baselines.strips import Action, State, SymbolicProblem, TooManyStatesError, shortest_plan, useful
+from planning.baselines.symbolic_goals import UnplannableError, read_wishes
 from planning.baselines.told import read_told
-from planning.baselines.wishes import UnplannableError, read_wishes
-from planning.furnishings import KnownFurniture
-from planning.interfaces import Eyes, Judge
-from planning.reasoner import Log, Reasoner
-from planning.results import GoalResult, LoopSettings
+from planning.language.answers import Plan
+from planning.language.furnishings import KnownFurniture
+from planning.loop.interfaces import Eyes, Judge
+from planning.loop.results import GoalResult, LoopSettings
+from planning.reasoners.reasoner import Log, Reasoner
 from prompts.contracts import Role
 
 MAX_CHECKS = 20  # motions checked in the twin; each takes seconds
@@ -61,7 +61,7 @@ def run_task_and_motion(
     """Reach a goal by one plan whose motions were all checked in the twin before, or say why not.
 
     Args:
-        goal: In the small language of goals (`planning.goal_language`).
+        goal: In the small language of goals (`planning.language.goal_language`).
         reasoner, pictures, settings, by_role, keep: Not used: no language model is asked and no file is written.
         eyes, judge, known_names, log, say: As for the loop.
         hands: As for the loop, and able to rehearse.

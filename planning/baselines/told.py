@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from control.errors import ConfigError
-from planning.furnishings import KnownFurniture
+from planning.language.furnishings import KnownFurniture
 
 UNDERSTOOD = '"JOINT is locked until JOINT is open" and "JOINT is blocked by OBJECT"'
 _LOCKED = re.compile(r"(\w+) is locked until (\w+) is open")

@@ -37,7 +37,7 @@ class BenchGoals:
 
     def execute(self, console: Console) -> int:
         """Run the benchmark."""
-        from replan.bench_goals import bench_goals
+        from replan.run.benchmark import bench_goals
 
         report = bench_goals(
             self.runs, self.goals, self.speed, self.runs_dir, console.note, self.detector, self.segmenter
@@ -73,7 +73,7 @@ class _BenchScript:
 class BenchPoses(_BenchScript):
     """Pose error of the embedded perception against truth over seeded simulated cells."""
 
-    MODULE: ClassVar[str] = "benchmarks.pose_error"
+    MODULE: ClassVar[str] = "benchmarks.looking.pose_error"
     EXTRA: ClassVar[tuple[str, ...]] = ("--cameras", "static", "wrist")  # as a run looks
 
 
@@ -97,7 +97,7 @@ class BenchPerception:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.perception", "--frames", str(self.frames)]
+        command = [sys.executable, "-m", "benchmarks.looking.perception", "--frames", str(self.frames)]
         command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
         command += ["--detectors", *self.detectors] if self.detectors else []
         return _call([*command, *["--full-size"] * self.full_size, *["--json"] * self.json])
@@ -124,7 +124,15 @@ class BenchMotions:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.motions", "--runs", str(self.runs), "--planner", self.planner]
+        command = [
+            sys.executable,
+            "-m",
+            "benchmarks.motion.motions",
+            "--runs",
+            str(self.runs),
+            "--planner",
+            self.planner,
+        ]
         command += ["--pose-noise-mm", str(self.pose_noise_mm), "--jobs", str(self.jobs)]
         command += ["--motions", *self.motions] if self.motions else []
         return _call([*command, *["--mismatch"] * self.mismatch, *["--json"] * self.json])
@@ -134,7 +142,7 @@ class BenchMotions:
 class BenchPlanner(_BenchScript):
     """CPU time of motion planners over that of the same simulated steps in bare mujoco.batch."""
 
-    MODULE: ClassVar[str] = "benchmarks.planner"
+    MODULE: ClassVar[str] = "benchmarks.motion.planner"
 
     seeds: int = 2
     """Number of seeds of each task; one takes about three minutes in all, most of it the baseline's."""
@@ -147,7 +155,7 @@ class BenchRetime(_BenchScript):
     seeds: int = 5
     """Random paths round corners of each kind, beside all others."""
 
-    MODULE: ClassVar[str] = "benchmarks.retime"
+    MODULE: ClassVar[str] = "benchmarks.motion.retime"
 
 
 @dataclass(frozen=True)
@@ -165,7 +173,7 @@ class BenchDiagnosis:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.diagnosis", "--runs", str(self.runs)]
+        command = [sys.executable, "-m", "benchmarks.judging.diagnosis", "--runs", str(self.runs)]
         command += ["--pose-noise-mm", str(self.pose_noise_mm), "--yaw-noise-deg", str(self.yaw_noise_deg)]
         return _call([*command, *["--json"] * self.json])
 
@@ -185,7 +193,15 @@ class BenchVerdicts:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.verdicts", "--seeds", str(self.seeds), "--jobs", str(self.jobs)]
+        command = [
+            sys.executable,
+            "-m",
+            "benchmarks.judging.verdicts",
+            "--seeds",
+            str(self.seeds),
+            "--jobs",
+            str(self.jobs),
+        ]
         command += ["--motions", *self.motions] if self.motions else []
         return _call([*command, *["--json"] * self.json])
 
@@ -203,7 +219,7 @@ class BenchResearchInterface:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.research_interface", "--runs", str(self.runs)]
+        command = [sys.executable, "-m", "benchmarks.robot_side.research_interface", "--runs", str(self.runs)]
         return _call([*command, *["--json"] * self.json])
 
 
@@ -224,7 +240,15 @@ class BenchRealTime:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code, 1 when a motion was not completed."""
-        command = [sys.executable, "-m", "benchmarks.real_time", "--runs", str(self.runs), "--jobs", str(self.jobs)]
+        command = [
+            sys.executable,
+            "-m",
+            "benchmarks.robot_side.real_time",
+            "--runs",
+            str(self.runs),
+            "--jobs",
+            str(self.jobs),
+        ]
         return _call([*command, "--load", str(self.load), *["--json"] * self.json])
 
 
@@ -243,7 +267,7 @@ class BenchTransport:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code, 1 when a state was lost."""
-        command = [sys.executable, "-m", "benchmarks.transport", "--seconds", str(self.seconds)]
+        command = [sys.executable, "-m", "benchmarks.robot_side.transport", "--seconds", str(self.seconds)]
         return _call([*command, "--rate", str(self.rate), *["--json"] * self.json])
 
 
@@ -264,7 +288,7 @@ class BenchFaults:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.faults", "--injections", str(self.injections)]
+        command = [sys.executable, "-m", "benchmarks.robot_side.faults", "--injections", str(self.injections)]
         command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
         command += ["--kinds", *self.kinds] if self.kinds else []
         return _call([*command, *["--json"] * self.json])

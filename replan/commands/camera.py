@@ -11,8 +11,8 @@ import tyro
 from replan.commands.robot import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:
-    from replan.camera_process import CameraOptions
     from replan.console import Console
+    from replan.robot.camera_process import CameraOptions
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class WhereFlags:
 
     def options(self, cell: str) -> CameraOptions:
         """As the process wants them."""
-        from replan.camera_process import CameraOptions
+        from replan.robot.camera_process import CameraOptions
 
         return CameraOptions(self.robot, self.link, cell, self.name, self.max_age, self.parent_pid)
 
@@ -56,7 +56,7 @@ class CameraZed:
     def execute(self, console: Console) -> int:
         """Offer it until Ctrl-C."""
         from hw_interface.cameras.zed import ZedSource
-        from replan.camera_process import serve_device
+        from replan.robot.camera_process import serve_device
 
         open_source = lambda _: ZedSource(self.serial, self.resolution, self.fps)  # noqa: E731
         return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
@@ -84,7 +84,7 @@ class CameraRealSense:
     def execute(self, console: Console) -> int:
         """Offer it until Ctrl-C."""
         from hw_interface.cameras.realsense import RealSenseSource
-        from replan.camera_process import serve_device
+        from replan.robot.camera_process import serve_device
 
         open_source = lambda _: RealSenseSource(self.serial, self.width, self.height, self.fps)  # noqa: E731
         return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
@@ -115,8 +115,8 @@ class CameraUvc:
     def execute(self, console: Console) -> int:
         """Offer it until Ctrl-C."""
         from hw_interface.cameras.uvc import UvcSource
-        from perception.recording_intrinsics import read_intrinsics
-        from replan.camera_process import serve_device
+        from perception.recordings.intrinsics_file import read_intrinsics
+        from replan.robot.camera_process import serve_device
 
         lens = None if self.intrinsics is None else read_intrinsics(self.intrinsics).intrinsics
         device = int(self.device) if self.device.isdecimal() else self.device
@@ -149,8 +149,8 @@ class CameraRecording:
     def execute(self, console: Console) -> int:
         """Offer it until Ctrl-C, or until it has ended."""
         from hw_interface.cameras.recorded import RecordedSource
-        from perception.recordings import open_recording
-        from replan.camera_process import serve_recording
+        from perception.recordings.opening import open_recording
+        from replan.robot.camera_process import serve_recording
 
         recording = open_recording(self.path, self.intrinsics)
         source = RecordedSource(recording, self.camera, paced=not self.every_frame, loop=self.loop)

@@ -44,13 +44,13 @@ class Doctor:
     def execute(self, console: Console) -> int:
         """Examine and report."""
         if self.robot_side:
-            from replan.doctor import examine_robot_side, render
+            from replan.doctor.machine import examine_robot_side, render
 
             findings = examine_robot_side(self.robot, self.link)
             console.result(findings.as_json(), render(findings))
             return 0 if findings.complete else 1
         console.note("examining packages, rendering, model weights, language backends and robot")
-        from replan.doctor import examine, render
+        from replan.doctor.machine import examine, render
 
         url = self.reasoner_url
         server = None if url is None else (url, self.reasoner_model, self.reasoner_key_variable)

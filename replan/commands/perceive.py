@@ -56,8 +56,8 @@ class Perceive:
     def execute(self, console: Console) -> int:
         """Run it; returns the exit code."""
         console.note(f"reading {self.recording}")
-        from replan.perceive import as_json, as_text, perceive_recording
-        from replan.perceive_options import Perceiving
+        from replan.perceive.options import Perceiving
+        from replan.perceive.recording import as_json, as_text, perceive_recording
 
         how = Perceiving(
             names=self.names,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from planning.reasoners import ReasonerOptions
+    from planning.reasoners.choice import ReasonerOptions
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class ReasonerFlags:
         Raises:
             ConfigError: Options that do not go together or are out of range.
         """
-        from planning.reasoners import ReasonerOptions
+        from planning.reasoners.choice import ReasonerOptions
 
         return ReasonerOptions(
             backend=self.reasoner,

@@ -53,7 +53,7 @@ class Record:
     def execute(self, console: Console) -> int:
         """Record; exit code 0 also when Ctrl-C ended it."""
         console.note(f"recording cell {self.cell}" if self.robot is None else f"recording the robot at {self.robot}")
-        from replan.record import RecordOptions, record
+        from replan.robot.record import RecordOptions, record
 
         report = record(
             RecordOptions(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from replan.perceive_options import RecordingChoice
+    from replan.perceive.options import RecordingChoice
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class RecordingFlags:
         Raises:
             ConfigError: A number below 1.
         """
-        from perception.recordings import McapChoice
-        from replan.perceive_options import RecordingChoice
+        from perception.recordings.opening import McapChoice
+        from replan.perceive.options import RecordingChoice
 
         is_mcap = recording.suffix.lower() == ".mcap"
         return RecordingChoice(

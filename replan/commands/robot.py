@@ -46,7 +46,7 @@ class RobotSim:
     def execute(self, console: Console) -> int:
         """Run until told to stop."""
         console.note(f"simulated cell {self.cell}, seed {self.seed}: building its world")
-        from replan.robot_sim import serve_simulated_cell
+        from replan.robot.sim import serve_simulated_cell
 
         return serve_simulated_cell(self, console.note)
 
@@ -92,7 +92,7 @@ class RobotPanda:
     def execute(self, console: Console) -> int:
         """Run until told to stop."""
         console.note(f"connecting to the control box at {self.address}")
-        from replan.robot_panda import serve_panda
+        from replan.robot.panda import serve_panda
 
         return serve_panda(self, console.note)
 
@@ -129,7 +129,7 @@ class RobotResearchInterface:
     def execute(self, console: Console) -> int:
         """Run until told to stop."""
         console.note(f"simulated control box in cell {self.cell}, seed {self.seed}: building its world")
-        from replan.research_interface import serve_research_interface
+        from replan.robot.research_interface import serve_research_interface
 
         return serve_research_interface(self, console.note)
 
@@ -147,8 +147,8 @@ class RobotAcknowledge:
 
     def execute(self, console: Console) -> int:
         """Send the acknowledgement."""
-        from hw_interface.client import CellClient
-        from hw_interface.link_security import link_or_none
+        from hw_interface.cell.client import CellClient
+        from hw_interface.link.security import link_or_none
 
         with CellClient.connect(self.robot, security=link_or_none(self.link)) as client:
             before = client.state()
@@ -186,11 +186,11 @@ class RobotPlay:
 
     def execute(self, console: Console) -> int:
         """Read both files and play."""
-        from control.certificate_file import read_certificate
-        from control.motion_file import read_motion
-        from control.resampling import to_trajectory
-        from hw_interface.link_security import link_or_none
-        from replan.play import play
+        from control.motion_files.reading import read_motion
+        from control.motion_files.resampling import to_trajectory
+        from control.safety.certificate_file import read_certificate
+        from hw_interface.link.security import link_or_none
+        from replan.robot.play import play
 
         certificate = read_certificate(self.certificate)
         trajectory = to_trajectory(read_motion(self.trajectory))
@@ -219,8 +219,8 @@ class RobotSpeed:
 
     def execute(self, console: Console) -> int:
         """Send the speed."""
-        from hw_interface.client import CellClient
-        from hw_interface.link_security import link_or_none
+        from hw_interface.cell.client import CellClient
+        from hw_interface.link.security import link_or_none
 
         with CellClient.connect(self.robot, security=link_or_none(self.link)) as client:
             state = client.set_speed(self.speed)

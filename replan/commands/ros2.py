@@ -47,7 +47,7 @@ class Ros2:
 
     def execute(self, console: Console) -> int:
         """Publish until Ctrl-C."""
-        from replan.ros2_view import Ros2Options, show_ros2
+        from replan.robot.ros2_view import Ros2Options, show_ros2
 
         done = show_ros2(
             Ros2Options(

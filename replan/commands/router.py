@@ -31,8 +31,8 @@ class Router:
 
     def execute(self, console: Console) -> int:
         """Run until told to stop."""
-        from hw_interface.link_security import link_or_none
-        from replan.router import serve_router
+        from hw_interface.link.security import link_or_none
+        from replan.robot.router import serve_router
 
         def announce(endpoint: str) -> None:
             console.result({"ready": True, "endpoint": endpoint}, f"router ready at {endpoint}; Ctrl-C ends it")

@@ -67,7 +67,7 @@ class Run:
         """Run it; returns the exit code."""
         # Said before the heavy imports, so that a person sees at once what happens.
         console.note(f'goal: "{self.goal}" in cell {self.cell}')
-        from replan.run_goal import RunOptions, run_goal
+        from replan.run.goal import RunOptions, run_goal
 
         report = run_goal(
             RunOptions(

@@ -33,7 +33,7 @@ class SecurityInit:
         """Make the files."""
         import datetime
 
-        from hw_interface.link_keys import make_keys
+        from hw_interface.link.keys import make_keys
 
         links = make_keys(self.folder, self.host, self.days, datetime.datetime.now(datetime.UTC))
         lines = "\n".join(f"  {link}" for link in links)
@@ -60,8 +60,8 @@ class SecurityShow:
         """Examine and report."""
         import datetime
 
-        from hw_interface.link_keys import examine_keys
-        from hw_interface.link_security import read_link_file
+        from hw_interface.link.keys import examine_keys
+        from hw_interface.link.security import read_link_file
 
         known = examine_keys(read_link_file(self.link), datetime.datetime.now(datetime.UTC))
         rows = [

@@ -85,13 +85,13 @@ class Validate:
         from replan.rendering import require_mujoco
 
         require_mujoco()
-        from control.certificate_file import write_certificate
-        from control.trajectory_file import write_trajectory
-        from replan.validate import validate_motion
-        from replan.validation_certificate import certificate_of, check_outputs
-        from replan.validation_options import ValidateOptions, payload_from, reward_text, start_from
-        from replan.validation_report import footer, write_report
-        from replan.validation_text import as_json, as_text
+        from control.motion_files.trajectory_file import write_trajectory
+        from control.safety.certificate_file import write_certificate
+        from replan.validate.certificate import certificate_of, check_outputs
+        from replan.validate.motion import validate_motion
+        from replan.validate.options import ValidateOptions, payload_from, reward_text, start_from
+        from replan.validate.report import footer, write_report
+        from replan.validate.text import as_json, as_text
 
         options = ValidateOptions(
             file=self.file,

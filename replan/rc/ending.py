@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from perception.ground_truth import CellTruth
-from sim_check.furniture_model import FurnitureModel
+from sim_check.furniture.model import FurnitureModel
 
 
 @dataclass(frozen=True)

@@ -22,15 +22,15 @@ from replan.rc.records import ROOT, Action, EpisodeRecord, Setup
 from replan.rc.tasks import RcTask, task_named
 
 if TYPE_CHECKING:
-    from hw_interface.client import CellClient
+    from hw_interface.cell.client import CellClient
     from perception.ground_truth import CellTruth
-    from planning.reasoners import ReasonerOptions
-    from replan.run_goal import RunOptions, RunReport
+    from planning.reasoners.choice import ReasonerOptions
+    from replan.run.goal import RunOptions, RunReport
 
 
 def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
     """What a job asks of a run whose folder is made in `runs_dir`."""
-    from replan.run_goal import RunOptions
+    from replan.run.goal import RunOptions
 
     task = task_named(job.task)
     return RunOptions(
@@ -51,7 +51,7 @@ def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
 
 
 def _reasoner(setup: Setup, noise: float) -> "ReasonerOptions":
-    from planning.reasoners import ReasonerOptions
+    from planning.reasoners.choice import ReasonerOptions
 
     chosen: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in setup.reasoner.items()}
     if "cassette" in chosen:
@@ -68,7 +68,7 @@ def run_episode(job: Job, setup: Setup, runs_dir: Path) -> EpisodeRecord:
         runs_dir: The run's folder is made in it.
     """
     from replan.rc.ending import events_of
-    from replan.run_goal import run_goal
+    from replan.run.goal import run_goal
 
     truths: dict[str, CellTruth] = {}
     shown: dict[str, int] = {}
@@ -99,8 +99,8 @@ def _scored(
 ) -> EpisodeRecord:
     from replan.rc.ending import Ending, last_estimates
     from replan.rc.scoring import harm
-    from sim_check.cells import load_cell
-    from sim_check.furniture import furniture_model
+    from sim_check.cells.loading import load_cell
+    from sim_check.furniture.build import furniture_model
 
     furniture = {name: furniture_model(name, config) for name, config in load_cell(task.cell).furniture.items()}
     ending = Ending(truths["before"], truths["after"], furniture, report.reached, last_estimates(events), shown)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from planning.reasoners import ReasonerOptions
+from planning.reasoners.choice import ReasonerOptions
 
 FORMAT = 1  # of tasks, scoring and records; results of different ones are never mixed
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,8 +27,8 @@ class Setup:
         format: `FORMAT`.
         version: Of this program.
         code: Hash of everything that an episode runs on: sources, prompts, cells.
-        reasoner: Its backend and those options that are not the default ones, `planning.reasoners.ReasonerOptions`; the
-            share of mistakes made on purpose belongs to the variant.
+        reasoner: Its backend and those options that are not the default ones,
+            `planning.reasoners.choice.ReasonerOptions`; the share of mistakes made on purpose belongs to the variant.
         detector, segmenter: As in `replan run`.
         time_limit_s: Longest wall time of an episode in [s].
     """
@@ -110,9 +110,9 @@ class EpisodeRecord(BaseModel):
         harmed: What came to harm.
         plans: Steps of every plan, replans included.
         actions: Every step that was tried.
-        motions, replans, simulated_steps: As in `replan.run_goal.RunReport`.
+        motions, replans, simulated_steps: As in `replan.run.goal.RunReport`.
         seconds: Wall time of the run in [s], without starting its cell.
-        seconds_by_part: The same by `replan.stopwatch.PARTS`.
+        seconds_by_part: The same by `replan.run.stopwatch.PARTS`.
         wall_s: Wall time of the whole episode's process in [s].
         questions: Questions that the reasoner answered.
         tokens: Of questions and answers; 0 for a reasoner without tokens.

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from replan.pages import made_by, write_page
 from replan.rc.paper import published, published_average
 from replan.rc.records import EpisodeRecord
 from replan.rc.report_figures import rates_svg, seconds_svg
 from replan.rc.results import TaskResult, VariantResult
 from replan.rc.tasks import TASKS
 from replan.rc.text import causes_text, interval_text
+from replan.reports.pages import made_by, write_page
 
 THUMBNAIL = 880  # [px] wide
 QUALITY = 65  # of JPEG

@@ -7,8 +7,8 @@ import numpy as np
 from replan.rc.paper import published
 from replan.rc.results import VariantResult
 from replan.rc.tasks import TASKS
-from replan.stopwatch import PARTS
-from replan.svg_figures import ALLOWED, INK, QUIET, figure_of, svg_text
+from replan.reports.svg_figures import ALLOWED, INK, QUIET, figure_of, svg_text
+from replan.run.stopwatch import PARTS
 
 COLOURS = ("#5b8db8", INK, "#2e7d5b", "#8fbf9f", "#8a5a9e", "#c39bd3", "#a0522d", "#7f8c8d")
 PART_COLOURS = ("#5b8db8", INK, "#2e7d5b", "#8fbf9f", "#c39bd3", "#8a5a9e", "#c8a15a")

@@ -8,7 +8,7 @@ from typing import Any
 
 from replan.rc.records import EpisodeRecord
 from replan.rc.tasks import TASKS
-from replan.stopwatch import PARTS
+from replan.run.stopwatch import PARTS
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _joined(words) -> str:
 
 
 def _task(records: Sequence[EpisodeRecord]) -> TaskResult:
-    from sim_check.verdict import wilson_interval
+    from sim_check.verdict.verdict import wilson_interval
 
     success = sum(r.success for r in records)
     # An episode that was killed has no times of its own.

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.ground_truth import CellTruth, StandingThing
 from replan.rc.ending import Ending
-from sim_check.furniture_model import FurnitureModel
+from sim_check.furniture.model import FurnitureModel
 
 CONTACT = 0.005  # [m] between a thing's lowest point and what it rests on, at most
 UPRIGHT = np.cos(np.radians(10.0))

@@ -5,14 +5,14 @@ from typing import Any, Literal, get_args
 
 from control.errors import ConfigError
 from planning.baselines import METHODS
-from planning.results import Part
+from planning.loop.results import Part
 
 BASELINES = tuple(name for name in METHODS if name != "replan")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What an episode is run with; the fields are those of `replan.run_goal.RunOptions`.
+    """What an episode is run with; the fields are those of `replan.run.goal.RunOptions`.
 
     Attributes:
         name: For people, and in files.

@@ -1,0 +1,1 @@
+"""Whole runs on goals in other words."""

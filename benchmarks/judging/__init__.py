@@ -1,0 +1,1 @@
+"""Verdicts and diagnoses against injected faults and causes."""

@@ -1,0 +1,1 @@
+"""Perception: boxes, masks, poses, times."""

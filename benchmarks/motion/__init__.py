@@ -1,0 +1,1 @@
+"""Motion search, planners and retiming, measured."""

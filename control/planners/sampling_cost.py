@@ -1,0 +1,276 @@
+"""What sampled motions pay along the way: shaped distances of the reward terms, and a few side effects.
+
+    cost of a sample = mean over the horizon of  sum_i w_i (sqrt(|r_i|^2 + p^2) - p)
+
+the smooth L2 norm of MuJoCo MPC (Howell et al., 2022, appendix "norms"), with residuals r_i that never are flat where
+the goal's predicate is:
+
+    primary term, w 1        a on b: a's centre from its place on top of b, in the container, or inside the furniture
+                             joint: way that the handle has still to go; height, distance to keep: what is missing
+                             palm and object: the palm from the surface of the object's box
+    other terms, w 0.1       likewise
+    hold, w 1                the palm from the middle of what is handled, or of its handle
+    fingers, w 0.1           1 where fingers are not closed although the palm is there, or closed although it is not
+    joint speed, w 0.005     the commanded speed in [rad/s]: MuJoCo MPC's control cost
+    workspace, w 5           the palm outside the safety table's workspace
+    side effects, w 1        displacement of objects and handles that the spec does not name
+
+These are all: contact forces and clearances cost nothing here, as in the plain method; the verdict judges them.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from control.path_planning.collision_filter import free_joint_address
+from control.robot.kinematics import ArmKinematics
+from control.robot.rotations import rotation_exp
+from control.safety.limits import SafetyLimits
+from control.tasks.predicates import Inside, PosedObject
+from control.tasks.reward_spec import PALM, REST_POSITION, RewardSpec, RewardTerm
+from control.tasks.subtasks import Subtask, posed_objects
+from control.twin_model import ARM_BODIES, ARM_JOINTS, TwinJoint, TwinModel
+
+
+@dataclass(frozen=True)
+class CostWeights:
+    """Weights per [m] unless said otherwise.
+
+    Attributes:
+        primary, secondary: Of the reward terms.
+        hold: Of the palm's distance from what is handled.
+        fingers: Of fingers that are closed at the wrong place or open at the right one, per sample.
+        speed: Of the commanded joint speed, per [rad/s].
+        workspace: Of leaving the workspace.
+        side_effects: Of displacing what the spec does not name.
+        smoothing: p of the smooth L2 norm in [m]; MuJoCo MPC's tasks and RePlan use 0.01.
+        near: Distance in [m] of the palm from the middle of what is handled, within which fingers should be closed.
+    """
+
+    primary: float = 1.0
+    secondary: float = 0.1
+    hold: float = 1.0
+    fingers: float = 0.1
+    speed: float = 0.005
+    workspace: float = 5.0
+    side_effects: float = 1.0
+    smoothing: float = 0.01
+    near: float = 0.015
+
+
+class RunningCost:
+    """The cost of many simulated motions at once, from recorded configurations alone.
+
+    Args:
+        twin: Where they were simulated.
+        spec: What is wanted.
+        task: The spec made concrete.
+        safety: For the workspace.
+        arm: Kinematics of the arm.
+        rest_palm: Tool centre point in the rest configuration in the world in [m], shape (3,).
+        weights: Of all parts.
+    """
+
+    def __init__(
+        self,
+        twin: TwinModel,
+        spec: RewardSpec,
+        task: Subtask,
+        safety: SafetyLimits,
+        arm: ArmKinematics,
+        rest_palm: np.ndarray,
+        weights: CostWeights,
+    ) -> None:
+        self._twin, self._spec, self._task, self._safety, self._arm = twin, spec, task, safety, arm
+        self._rest_palm, self.weights = rest_palm, weights
+        data = twin.start()
+        self._start = posed_objects(twin, data)
+        self._q_columns = [int(twin.model.joint(n).qposadr[0]) for n in ARM_JOINTS]
+        base = data.body(ARM_BODIES[0])
+        self._base_turn, self._base_at = base.xmat.reshape(3, 3).copy(), base.xpos.copy()
+        self._free = {o.name: free_joint_address(twin.model, o.name) for o in twin.objects}
+        self._handles = {j.name: _HandlePath.of(twin, data, j) for j in twin.joints}
+        # A term about the palm and what is handled says what `hold` says.
+        self._others = [t for t in spec.terms if not t.primary and {t.subject, t.target} != {PALM, task.subject}]
+
+    def of(self, qpos: np.ndarray, speed: np.ndarray, closed: np.ndarray) -> np.ndarray:
+        """Cost of each motion, shape (n,); infinite where the simulation broke down.
+
+        Args:
+            qpos: Configurations of the twin's model, shape (n, t, nq).
+            speed: Commanded joint speeds in [rad/s], shape (n, t, 7).
+            closed: Whether the fingers are told to be closed, shape (n, t).
+        """
+        w = self.weights
+        palm = self._palm(qpos)
+        total = w.primary * self._smooth(self._distance(self._spec.primary, qpos, palm))
+        for term in self._others:
+            total += w.secondary * self._smooth(self._distance(term, qpos, palm))
+        if self._task.subject is not None:
+            away = palm - self._middle(self._task.subject, qpos)
+            total += w.hold * self._smooth(away)
+            there = np.einsum("ntk,ntk->nt", away, away) < w.near**2
+            total += w.fingers * (there != closed)
+        total += w.speed * self._smooth(speed)
+        low, high = np.asarray(self._safety.workspace_low), np.asarray(self._safety.workspace_high)
+        total += w.workspace * self._smooth(np.maximum(low - palm, 0.0) + np.maximum(palm - high, 0.0))
+        total += w.side_effects * self._side_effects(qpos)
+        cost = total.mean(axis=1)
+        return np.where(np.isfinite(cost), cost, np.inf)
+
+    def _smooth(self, residual: np.ndarray) -> np.ndarray:
+        """Smooth L2 norm over the last axis: (n, t, k) → (n, t)."""
+        p = self.weights.smoothing
+        return np.sqrt(np.einsum("ntk,ntk->nt", residual, residual) + p * p) - p
+
+    def _palm(self, qpos: np.ndarray) -> np.ndarray:
+        q = qpos[..., self._q_columns]
+        at, _ = self._arm.forward(q.reshape(-1, 7))
+        return (at @ self._base_turn.T + self._base_at).reshape(*q.shape[:2], 3)
+
+    def _place(self, name: str, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (n, t, 3) in [m] and rotations (n, t, 3, 3) of an object; one of each where it is fixed."""
+        address = self._free[name]
+        if address is None:
+            pose = self._start[name].pose
+            return pose[None, None, :3, 3], pose[None, None, :3, :3]
+        return qpos[..., address : address + 3], _rotations(qpos[..., address + 3 : address + 7])
+
+    def _middle(self, name: str, qpos: np.ndarray) -> np.ndarray:
+        """Where to take hold of an object or joint, in the world in [m], shape (n, t, 3)."""
+        if name in self._handles:
+            return self._handles[name].at(qpos)
+        centre, turn = self._place(name, qpos)
+        thing = self._twin.get(name)
+        if thing is None or thing.handle is None:
+            return centre
+        return centre + turn @ thing.handle.centre
+
+    def _distance(self, term: RewardTerm, qpos: np.ndarray, palm: np.ndarray) -> np.ndarray:
+        """Residual of a term, never flat before it is met, in [m], shape (n, t, k)."""
+        if term.kind == "set_joint_fraction":
+            return self._handles[term.subject].left(qpos, float(term.value or 0.0))[..., None]
+        if term.kind == "set_obj_z_position":
+            return np.maximum(0.0, float(term.value or 0.0) - self._place(term.subject, qpos)[0][..., 2:])
+        first, second = term.subject, str(term.target)
+        if term.kind == "maximize_l2_distance":
+            return self._too_near(term, first, second, qpos, palm)
+        if first in self._start and second in self._start:
+            return self._beside(self._start[first], self._start[second], qpos)
+        if first in self._start:
+            first, second = second, first
+        if second not in self._start:
+            return palm - self._rest_palm
+        centre, turn = self._place(second, qpos)
+        if first == REST_POSITION:
+            return centre - self._rest_palm
+        local = np.einsum("ntji,ntj->nti", np.broadcast_to(turn, (*palm.shape[:2], 3, 3)), palm - centre)
+        return np.maximum(np.abs(local) - np.asarray(self._start[second].extents) / 2, 0.0)
+
+    def _too_near(self, term: RewardTerm, first: str, second: str, qpos: np.ndarray, palm: np.ndarray) -> np.ndarray:
+        """What is missing of a distance; objects must also lie on the support, and others count as they stood."""
+        points = {PALM: palm, REST_POSITION: self._rest_palm[None, None]}
+        wanted = float(term.value or 0.0)
+        if first not in self._start:
+            other = points[second] if second in points else self._place(second, qpos)[0]
+            return np.maximum(0.0, wanted - np.linalg.norm(points[first] - other, axis=-1))[..., None]
+        centre, turn = self._place(first, qpos)
+        other = points[second] if second in points else self._start[second].position[None, None]
+        missing = np.maximum(0.0, wanted - np.linalg.norm((centre - other)[..., :2], axis=-1))
+        off = centre[..., 2] - _half_height(self._start[first], turn) - self._twin.support_height
+        return np.stack([missing, off], axis=-1)
+
+    def _beside(self, a: PosedObject, b: PosedObject, qpos: np.ndarray) -> np.ndarray:
+        """Vector in [m] from an object's centre to its place on or in another one."""
+        centre, turn = self._place(a.name, qpos)
+        half = _half_height(a, turn)
+        there, there_turn = self._place(b.name, qpos)
+        if b.inside is not None:
+            return _to_inside(centre, half, there, there_turn, b.inside)
+        height = _half_height(b, there_turn)
+        rest = there[..., 2] - height + b.inner_floor if b.container else there[..., 2] + height
+        goal = np.stack(np.broadcast_arrays(there[..., 0], there[..., 1], rest + half), axis=-1)
+        return centre - goal
+
+    def _side_effects(self, qpos: np.ndarray) -> np.ndarray:
+        total = np.zeros(qpos.shape[:2])
+        for name, address in self._free.items():
+            if address is not None and name not in self._spec.names:
+                total += self._smooth(qpos[..., address : address + 3] - self._start[name].position)
+        for name, path in self._handles.items():
+            if name not in self._spec.names:
+                total += self._smooth(path.at(qpos) - path.centre)
+        return total
+
+
+@dataclass(frozen=True)
+class _HandlePath:
+    """Where a joint's handle is at any joint position.
+
+    Attributes:
+        joint: The joint.
+        column: Of its position in qpos.
+        start: Joint position at the start in [rad] or [m].
+        axis, anchor, centre: Joint axis, a point on it and the handle's middle at the start, in the world in [m],
+            shape (3,).
+    """
+
+    joint: TwinJoint
+    column: int
+    start: float
+    axis: np.ndarray
+    anchor: np.ndarray
+    centre: np.ndarray
+
+    @classmethod
+    def of(cls, twin: TwinModel, data: mujoco.MjData, joint: TwinJoint) -> "_HandlePath":
+        number, body = twin.model.joint(joint.name).id, data.body(joint.body)
+        centre = body.xpos + body.xmat.reshape(3, 3) @ joint.handle.centre
+        column = int(twin.model.jnt_qposadr[number])
+        axis, anchor = data.xaxis[number].copy(), data.xanchor[number].copy()
+        return cls(joint, column, float(data.qpos[column]), axis, anchor, centre)
+
+    def at(self, qpos: np.ndarray) -> np.ndarray:
+        """Middle of the handle in the world in [m], (n, t, nq) → (n, t, 3)."""
+        way = (qpos[..., self.column] - self.start)[..., None]
+        if self.joint.kind == "slide":
+            return self.centre + way * self.axis
+        return self.anchor + rotation_exp(way * self.axis) @ (self.centre - self.anchor)
+
+    def left(self, qpos: np.ndarray, fraction: float) -> np.ndarray:
+        """Way in [m] that the handle has still to go to a fraction, (n, t, nq) → (n, t)."""
+        lever = 1.0
+        if self.joint.kind == "hinge":
+            lever = float(np.linalg.norm(np.cross(self.axis, self.centre - self.anchor)))
+        return lever * np.abs(qpos[..., self.column] - self.joint.position(fraction))
+
+
+def _half_height(thing: PosedObject, turn: np.ndarray) -> np.ndarray:
+    """`PosedObject.half_height` in [m] for many rotations: (n, t, 3, 3) → (n, t)."""
+    half, up = np.asarray(thing.extents) / 2, turn[..., 2, :]
+    if thing.shape == "sphere":
+        return np.full(up.shape[:2], half.max())
+    if thing.shape == "cylinder":
+        flat = np.sqrt(np.maximum(0.0, 1.0 - up[..., 2] ** 2))
+        return np.abs(up[..., 2]) * half[2] + flat * max(half[0], half[1])
+    return np.abs(up) @ half
+
+
+def _to_inside(centre: np.ndarray, half: np.ndarray, there: np.ndarray, turn: np.ndarray, inside: Inside) -> np.ndarray:
+    """Vector in [m] from a centre to the nearest place on the floor of furniture's inside, in the furniture's axes."""
+    local = np.einsum("ntji,ntj->nti", np.broadcast_to(turn, (*centre.shape[:2], 3, 3)), centre - there)
+    nearest = np.clip(local, inside.low, inside.high)
+    nearest[..., 2] = inside.low[2] + half
+    return local - nearest
+
+
+def _rotations(quat: np.ndarray) -> np.ndarray:
+    """Rotation matrices of unit quaternions (w, x, y, z): (..., 4) → (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,1 @@
+"""Safety limits and residuals, the independent trajectory checks, certificates. May import `robot` and `trajectory`."""

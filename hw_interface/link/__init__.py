@@ -1,0 +1,1 @@
+"""Zenoh sessions between processes and machines: requests, streams, keys, rights. May import `messages`."""

@@ -1,0 +1,1 @@
+"""Boxes and masks: detectors, segmenters, where their weights lie. May import `geometry` and `catalogue`."""

@@ -1,0 +1,1 @@
+"""Depth to solids: cleaning, clouds, the support, first fits, refinement, spreads. May import `catalogue`."""

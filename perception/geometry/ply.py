@@ -1,0 +1,32 @@
+"""Coloured point clouds of frames as PLY files, for viewers."""
+
+from pathlib import Path
+
+from perception.errors import FrameError
+from perception.frames import RgbdFrame
+from perception.geometry.cloud import world_points
+
+
+def write_ply(frame: RgbdFrame, path: Path) -> int:
+    """Write every pixel with known depth as a coloured point of the world, binary PLY through open3d.
+
+    Args:
+        frame: What to write.
+        path: File to write; must end in .ply.
+
+    Returns:
+        Number of points written.
+
+    Raises:
+        FrameError: The file cannot be written.
+    """
+    import open3d
+
+    known = frame.valid_depth
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(world_points(frame, known)))
+    cloud.colors = open3d.utility.Vector3dVector(frame.colour[known] / 255.0)
+    if not open3d.io.write_point_cloud(path, cloud):
+        raise FrameError(
+            f"cannot write the point cloud '{path}'; name a file that ends in .ply in a folder that exists"
+        )
+    return int(known.sum())

@@ -1,0 +1,1 @@
+"""Things whose shape is known beforehand: articulated furniture and forms, by rays. May import `geometry`."""

@@ -1,0 +1,1 @@
+"""Whatever answers prompts: servers, local weights, cassettes, noise, and the one policy of asking."""

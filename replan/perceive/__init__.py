@@ -1,0 +1,1 @@
+"""Perception alone on recorded frames: files, pictures and a page."""

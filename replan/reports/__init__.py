@@ -1,0 +1,1 @@
+"""Self-contained HTML pages: templates and SVG figures that all reports share."""

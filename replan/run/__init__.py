@@ -1,0 +1,1 @@
+"""A run from a typed goal to a judged result, and its record."""

@@ -1,0 +1,1 @@
+"""Validating one motion in the twin: options, verdict, text, page, certificate."""

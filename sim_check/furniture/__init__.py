@@ -1,0 +1,1 @@
+"""Cabinets, microwaves, levers, plates, locks: built into a model, and as perception knows them."""
