@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from perception.catalogue.appearance import look_of
+from perception.catalogue.appearance import appearance_of
 from perception.catalogue.colour_words import colour_of
 from perception.detection import bundled
-from perception.detection.detector_router import ByNounDetector
+from perception.detection.detector_router import DetectorRouter
 from perception.detection.model_files import DETECTOR, SEGMENTER, find_model
 from perception.detection.nms import box_iou, suppress
 from perception.detection.shape_conflicts import contradicted
@@ -230,7 +230,7 @@ class Perception:
             above = np.zeros_like(cloud.mask)
             for other in upwards[i + 1 :]:
                 above |= clouds[other].mask
-            look = look_of(best[name].phrase)
+            look = appearance_of(best[name].phrase)
             fitted = fit_solid(
                 frame, cloud, kinds_of(look), support, solids, self.settings, above, vessels, look.equal_sides
             )
@@ -375,7 +375,7 @@ def _detector(name: str, options: PerceptionOptions) -> Detector:
             learned = _bundled_detector(options)
         except ModelUnavailableError:  # a package without weights; the name says that colour is all there is
             return colour
-        return ByNounDetector(colour, learned, learned.known_words)
+        return DetectorRouter(colour, learned, learned.known_words)
     if name == "colour":
         from perception.detection.colour_shape import ColourShapeDetector, ColourShapeSettings
 

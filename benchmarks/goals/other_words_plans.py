@@ -1,8 +1,8 @@
 """First plans for goals in other words: what the planner would begin with, without perception and without any motion.
 
-The planning loop runs up to its first motion. Its eyes get the true poses of what the cameras show at the start (the
-arm drawn as its collision body), so what is behind a closed door has none; its hands end the run as soon as they are
-asked for anything. This takes about a second a goal where a run takes a minute, and says less: a plan with steps may
+The planning loop runs up to its first motion. Its observer gets the true poses of what the cameras show at the start
+(the arm drawn as its collision body), so what is behind a closed door has none; its executor ends the run as soon as it
+is asked for anything. This takes about a second a goal where a run takes a minute, and says less: a plan with steps may
 still be a wrong one, so only refusals, and answers that need no motion, are judged. Things are found by the names that
 they have in the cell alone: a word that only a detector would have understood is not in view here.
 """
@@ -25,7 +25,7 @@ from planning.builtin.reasoner import BuiltinReasoner
 from planning.language.furnishings import known_furniture
 from planning.loop.interfaces import AttemptResult
 from planning.loop.loop import run_loop
-from replan.run.term_evaluator import SeenJudge
+from replan.run.term_evaluator import SeenTermEvaluator
 from replan.run.true_poses import TruePoses
 from sim_check.cells.loading import load_cell
 from sim_check.world.world import World, build_world
@@ -56,7 +56,7 @@ class FirstMotion(Exception):
     """Ends a planning loop that asked for a motion."""
 
 
-class _Eyes:
+class _TrueObserver:
     """Sees what the cameras of a world that stands still truly show."""
 
     def __init__(self, world: World, furniture: Sequence[str]) -> None:
@@ -72,7 +72,7 @@ def _frame(world: World, camera: str) -> RgbdFrame:
     return RgbdFrame(colour, depth, intrinsics, world_T_camera, 0.0, camera)
 
 
-class _Hands:
+class _NoExecutor:
     """Moves nothing."""
 
     def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
@@ -95,7 +95,7 @@ def plan_one(name: str) -> PlanRow:
     cell = load_cell(goal.cell_file, dict.fromkeys(goal.options, True))
     world = build_world(cell, goal.seed, meshes=False)
     try:
-        eyes, truth = _Eyes(world, tuple(cell.furniture)), world.truth()
+        observer, truth = _TrueObserver(world, tuple(cell.furniture)), world.truth()
         palm = np.array(world.data.site(TCP_SITE).xpos)  # the arm is at rest
         plans: list[tuple[str, ...]] = []
 
@@ -108,9 +108,9 @@ def plan_one(name: str) -> PlanRow:
             result = run_loop(
                 goal.goal,
                 reasoner=BuiltinReasoner(),
-                eyes=eyes,
-                hands=_Hands(),
-                judge=SeenJudge(lambda: palm, palm, cell.furniture),
+                observer=observer,
+                executor=_NoExecutor(),
+                evaluator=SeenTermEvaluator(lambda: palm, palm, cell.furniture),
                 known_names=cell.objects,
                 log=log,
                 furniture=known_furniture(cell.furniture),

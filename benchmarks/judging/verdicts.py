@@ -44,7 +44,7 @@ from control.tasks.subtasks import palm_at
 from control.trajectory.samples import SAMPLE_TIME, Trajectory
 from sim_check.twin.payloads import held_payloads
 from sim_check.twin.twin import possible_twins
-from sim_check.verdict.judged_replay import Question, judge_replay
+from sim_check.verdict.judged_replay import ReplayQuestion, judge_replay
 from sim_check.verdict.verdict import judge_in_detail
 
 GOOD_TWINS = 6  # perturbed, as in a run
@@ -119,7 +119,7 @@ def judge_base(motion: str, seed: int) -> list[Judged] | str:
 
 def _reliable(case: Case, rng: np.random.Generator) -> bool:
     """Whether a motion keeps everything in nearly every world that might be, of draws that no verdict sees."""
-    question = Question(case.trajectory, case.spec, frozenset(), case.safety, palm_at(case.twin, REST_Q))
+    question = ReplayQuestion(case.trajectory, case.spec, frozenset(), case.safety, palm_at(case.twin, REST_Q))
 
     def failures() -> int:
         worlds = possible_twins(case.twin, rng, WORLDS)

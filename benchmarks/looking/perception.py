@@ -38,10 +38,10 @@ from benchmarks.looking.held_out import CHUNK, HeldOutFrame, held_out_frames
 from perception.catalogue.appearance import parse_phrase
 from perception.detection.bundled import BundledDetector
 from perception.detection.colour_shape import ColourShapeDetector
-from perception.detection.detector_router import ByNounDetector
+from perception.detection.detector_router import DetectorRouter
 from perception.detection.given import GivenBoxes, GivenMasks
 from perception.errors import ModelUnavailableError, UnknownPhraseError
-from perception.evaluation.recording_detector import OverheardDetector
+from perception.evaluation.recording_detector import RecordingDetector
 from perception.evaluation.scoring import Scores
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.interfaces import Detection, Detector
@@ -155,13 +155,13 @@ class Looker:
         furniture = () if self.row == KNOWN else tuple(item.known)
         measured.scores.add(scene, item.truth, drawn, names, item.frame.camera, item.group, item.hinges_deg, furniture)
 
-    def _for(self, item: HeldOutFrame) -> tuple[Perception, OverheardDetector]:
+    def _for(self, item: HeldOutFrame) -> tuple[Perception, RecordingDetector]:
         detector, segmenter = self._perception.detector, self._perception.segmenter
         if self.row == GIVEN_BOXES:
             detector = GivenBoxes({o.name: o.box_px[None] for o in item.truth.objects if o.box_px is not None})
         elif self.row == GIVEN_MASKS:
             detector = segmenter = GivenMasks({o.name: o.mask for o in item.truth.objects if o.mask is not None})
-        overheard = OverheardDetector(KnownPhrases(detector), self.threshold, self._perception.options)
+        overheard = RecordingDetector(KnownPhrases(detector), self.threshold, self._perception.options)
         known = item.known if self.row == KNOWN else {}
         return replace(self._perception, detector=overheard, segmenter=segmenter, known=known), overheard
 
@@ -171,7 +171,7 @@ def operating_threshold(detector: Detector) -> float:
 
     Of two detectors that share the phrases it is the one of colour and shape, which most phrases go to.
     """
-    if isinstance(detector, ByNounDetector):
+    if isinstance(detector, DetectorRouter):
         detector = detector.by_colour
     if isinstance(detector, ColourShapeDetector):
         return detector.settings.threshold
@@ -201,7 +201,7 @@ class KnownPhrases:
                 parse_phrase(phrase)
             elif isinstance(self.detector, BundledDetector):
                 self.detector.known_words(phrase)
-            elif isinstance(self.detector, ByNounDetector):
+            elif isinstance(self.detector, DetectorRouter):
                 self.detector.is_for_learned(phrase)
         except UnknownPhraseError:
             return False

@@ -13,7 +13,7 @@ from control.grasping.articulation import JointMotion
 from control.grasping.handle_grasps import handle_grasps
 from control.grasping.picking import BACK_OFF, MEDIUM, SLOW, SPARE_OPENING
 from control.path_planning.collision_filter import JointAt, Phase
-from control.path_planning.planning_context import Workbench, path_length, straight_targets
+from control.path_planning.planning_context import PlanningContext, path_length, straight_targets
 from control.robot.limits import REST_Q
 from control.robot.rotations import rotation_exp
 from control.trajectory.samples import FINGERS, GripperCommand, PathSegment
@@ -92,25 +92,25 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
     )
 
 
-def continued_drives(bench: Workbench, joint: TwinJoint, goal: float, opening: float) -> list[ReadyDrive]:
+def continued_drives(context: PlanningContext, joint: TwinJoint, goal: float, opening: float) -> list[ReadyDrive]:
     """Ways to take the joint on from where it stands to a goal, the hand being at its handle already.
 
     Args:
-        bench: Surroundings; the arm's start is at the handle.
+        context: Surroundings; the arm's start is at the handle.
         joint: The subtask's joint.
         goal: Where it should stand in [rad] or [m].
         opening: Distance between the pads in [m] with which the handle is let go.
     """
-    motion, width = JointMotion.of(bench.twin, joint), 2 * joint.handle.half_width
-    tool, q = bench.filter.tcp_pose(bench.start_q), bench.start_q
+    motion, width = JointMotion.of(context.twin, joint), 2 * joint.handle.half_width
+    tool, q = context.filter.tcp_pose(context.start_q), context.start_q
     reach = motion.lever(tool[:3, 3]) * abs(goal - motion.start)
     positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
     out = []
     for share in SHARES if motion.hinge else (0.0,):
         targets = motion.carried_all(tool[None], positions[1:], np.array([share]))
-        along, ok = bench.follow(q[None], list(targets))
-        leaves, far_enough = ways_off(bench, along, [targets[0][-1]])
-        if not (ok[0] and far_enough[0]) or not free_along(bench, along[0], positions[1:], leaves[0], width, opening):
+        along, ok = context.follow(q[None], list(targets))
+        leaves, far_enough = ways_off(context, along, [targets[0][-1]])
+        if not (ok[0] and far_enough[0]) or not free_along(context, along[0], positions[1:], leaves[0], width, opening):
             continue
         path = np.vstack([q[None], along[0]])
         leave = np.vstack([path[-1:], leaves[0]])
@@ -125,7 +125,7 @@ class Holds:
     """Holds of a joint's handle that the arm reaches, and how far each of them can be taken along.
 
     Args:
-        bench: Surroundings of the search.
+        context: Surroundings of the search.
         joint: The subtask's joint.
         goal: Where it should stand in [rad] or [m].
         start: Where it stands in [rad] or [m]; as in the twin by default.
@@ -138,24 +138,24 @@ class Holds:
 
     def __init__(
         self,
-        bench: Workbench,
+        context: PlanningContext,
         joint: TwinJoint,
         goal: float,
         start: float | None = None,
         near: np.ndarray | None = None,
     ) -> None:
-        self._bench = bench
-        self._motion = motion = JointMotion.of(bench.twin, joint, start)
-        self._near = bench.start_q if near is None else near
+        self._bench = context
+        self._motion = motion = JointMotion.of(context.twin, joint, start)
+        self._near = context.start_q if near is None else near
         self._bar = motion.world_T_body[:3, :3] @ joint.handle.axis
         goal = pressed_home(joint, goal)
         self.stations = motion.start + (goal - motion.start) * np.arange(1, ROUGH_STEPS + 1) / ROUGH_STEPS
         offered = handle_grasps(joint.handle, motion.world_T_body)
-        bench.counts["grasps"] += len(offered)
-        owners, self._solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
-        bench.counts["grasps_reachable"] += len(set(owners.tolist()))
+        context.counts["grasps"] += len(offered)
+        owners, self._solutions = context.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
+        context.counts["grasps_reachable"] += len(set(owners.tolist()))
         self._grasps = [offered[i] for i in owners]
-        self._outwards, ok = bench.follow(
+        self._outwards, ok = context.follow(
             self._solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.world_T_tcp[:3, 2]) for g in self._grasps]
         )
         effort = [float(np.abs(q - self._near).max() + 0.2 * np.abs(q - REST_Q).max()) for q in self._solutions]
@@ -185,20 +185,20 @@ class Holds:
         """See how many stations some holds come by, in a few large steps; few of them come by all."""
         if not rows:
             return
-        bench = self._bench
+        context = self._bench
         targets = self._targets(rows, self.stations)
         askew = self._askew(targets, self.stations)
         q = np.array([self._solutions[i] for i, _ in rows])
         left = np.arange(len(rows))
-        bench.counts["drives_tried"] += len(rows)
+        context.counts["drives_tried"] += len(rows)
         self._passed |= dict.fromkeys(rows, 0)
         for k, position in enumerate(self.stations):
-            along, ok = bench.follow(q[left], list(targets[left, k : k + 1]), rough=True)
+            along, ok = context.follow(q[left], list(targets[left, k : k + 1]), rough=True)
             at, on = JointAt(float(position)), []
             for n in np.flatnonzero(ok):
                 row = rows[left[n]]
                 fits = askew[left[n], k] <= ASKEW
-                if fits and bench.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
+                if fits and context.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
                     q[left[n]] = along[n][0]
                     self._passed[row] = k + 1
                     on.append(left[n])
@@ -216,20 +216,20 @@ class Holds:
         """Free ways along the joint's path and out, with their efforts."""
         if not rows:
             return []
-        bench, motion = self._bench, self._motion
+        context, motion = self._bench, self._motion
         reach = motion.lever(self._grasps[rows[0][0]].world_T_tcp[:3, 3]) * abs(goal - motion.start)
         positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
         targets = self._targets([(i, share) for i, share, _ in rows], positions[1:])
-        along, ok = bench.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
-        leaves, ok_leave = ways_off(bench, along, [t[-1] for t in targets])
-        bench.counts["drives_followed"] += int(np.sum(ok & ok_leave))
+        along, ok = context.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
+        leaves, ok_leave = ways_off(context, along, [t[-1] for t in targets])
+        context.counts["drives_followed"] += int(np.sum(ok & ok_leave))
         out = []
         for n in np.flatnonzero(ok & ok_leave):
             i, share, opening = rows[n]
             grasp, q = self._grasps[i], self._solutions[i]
-            if not free_along(bench, along[n], positions[1:], leaves[n], grasp.width, opening):
+            if not free_along(context, along[n], positions[1:], leaves[n], grasp.width, opening):
                 continue
-            bench.counts["drives_free"] += 1
+            context.counts["drives_free"] += 1
             rolled = (1.0 - share) * abs(goal - motion.start) if motion.hinge else 0.0
             path = np.vstack([q[None], along[n]])
             effort = float(np.abs(q - self._near).max()) + path_length(path) + ROLL_EFFORT * rolled
@@ -274,11 +274,13 @@ class Holds:
         return None
 
 
-def ways_off(bench: Workbench, along: list[np.ndarray], tools: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+def ways_off(
+    context: PlanningContext, along: list[np.ndarray], tools: list[np.ndarray]
+) -> tuple[list[np.ndarray], np.ndarray]:
     """Back from the handle where the way along it ends, as far as the arm comes; whether it comes far enough.
 
     Args:
-        bench: Surroundings of the search.
+        context: Surroundings of the search.
         along: Ways along the handle, n arrays of shape (k, 7).
         tools: Poses of the tool at their ends, n arrays of shape (4, 4).
     """
@@ -288,17 +290,17 @@ def ways_off(bench: Workbench, along: list[np.ndarray], tools: list[np.ndarray])
         rest = np.flatnonzero(~ok)
         ends = np.array([along[n][-1] for n in rest]).reshape(-1, 7)
         ways = [straight_targets(tools[n], -distance * tools[n][:3, 2]) for n in rest]
-        found, reached = bench.follow(ends, ways)
+        found, reached = context.follow(ends, ways)
         for n, leave in zip(rest[reached], (found[k] for k in np.flatnonzero(reached)), strict=True):
             leaves[n], ok[n] = leave, True
     return leaves, ok
 
 
 def free_along(
-    bench: Workbench, along: np.ndarray, positions: np.ndarray, leave: np.ndarray, width: float, opening: float
+    context: PlanningContext, along: np.ndarray, positions: np.ndarray, leave: np.ndarray, width: float, opening: float
 ) -> bool:
     """Whether the hand, the joint's body and the way out keep their distances; the end is looked at first."""
-    check, at = bench.filter, JointAt(float(positions[-1]))
+    check, at = context.filter, JointAt(float(positions[-1]))
     for k in reversed(range(len(along))):
         if not check.clear(along[k], Phase.DRIVE, width, JointAt(float(positions[k]))):
             return False

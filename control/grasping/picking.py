@@ -14,7 +14,7 @@ from control.grasping.grasps import BETWEEN_WALLS, USUAL, Grasp, grasps
 from control.grasping.retreat import WayOut, ways_out
 from control.grasping.side_grasps import grasps_by_handle, grasps_from_the_side
 from control.path_planning.collision_filter import CollisionFilter, Held, Phase
-from control.path_planning.planning_context import Workbench, other_terms, straight_targets
+from control.path_planning.planning_context import PlanningContext, other_terms, straight_targets
 from control.robot.limits import REST_Q
 from control.robot.rotations import rolled
 from control.tasks.predicates import PosedObject
@@ -61,19 +61,19 @@ class ReadyGrasp:
         return self.grasp.text if self.grasp else "already in the hand"
 
 
-def ready_grasps(bench: Workbench) -> list[ReadyGrasp]:
+def ready_grasps(context: PlanningContext) -> list[ReadyGrasp]:
     """Up to `MOST_READY` reachable, free grasps of the subject from which it can be lifted; least motion first."""
-    subject = str(bench.subtask.subject)
-    body = bench.objects[subject]
-    if bench.twin.held == subject:
-        return [_already_held(bench, body)]
-    outs = ways_out(bench)
-    out = _usual(bench, body, outs)
-    if not out and bench.counts["grasps_reachable"]:
-        out = _between_walls(bench, body, outs)
+    subject = str(context.subtask.subject)
+    body = context.objects[subject]
+    if context.twin.held == subject:
+        return [_already_held(context, body)]
+    outs = ways_out(context)
+    out = _usual(context, body, outs)
+    if not out and context.counts["grasps_reachable"]:
+        out = _between_walls(context, body, outs)
     if not out:
-        out = _from_the_side(bench, body, outs)
-    bench.counts["grasps_free"] += len(out)
+        out = _from_the_side(context, body, outs)
+    context.counts["grasps_free"] += len(out)
     return out
 
 
@@ -96,60 +96,60 @@ class _Ways:
     efforts: np.ndarray
 
 
-def _usual(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
+def _usual(context: PlanningContext, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """Least effort first, with fully open fingers wherever there is room."""
-    offered = grasps(body, bench.safety, bench.twin.support_height, USUAL, bench.twin.gripper)
-    thing = bench.twin.get(body.name)
+    offered = grasps(body, context.safety, context.twin.support_height, USUAL, context.twin.gripper)
+    thing = context.twin.get(body.name)
     if thing is not None and thing.handle is not None:
         offered += grasps_by_handle(thing.handle, body.pose)
-    return _easiest(bench, body, _ways(bench, body, offered, outs), bench.filter)
+    return _easiest(context, body, _ways(context, body, offered, outs), context.filter)
 
 
-def _from_the_side(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
+def _from_the_side(context: PlanningContext, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """With one finger above and one below, where there is room for the hand."""
-    offered = grasps_from_the_side(body, bench.safety, bench.twin.gripper)
+    offered = grasps_from_the_side(body, context.safety, context.twin.gripper)
     if not offered:
         return []
-    ways = _ways(bench, body, offered, outs)
-    out = _easiest(bench, body, ways, bench.filter)
+    ways = _ways(context, body, offered, outs)
+    out = _easiest(context, body, ways, context.filter)
     if not out:
-        near = bench.near_filter()
-        out = _easiest(bench, body, ways, near)
-        bench.filter.checks += near.checks
+        near = context.near_filter()
+        out = _easiest(context, body, ways, near)
+        context.filter.checks += near.checks
     return out
 
 
-def _easiest(bench: Workbench, body: PosedObject, ways: _Ways, near: CollisionFilter) -> list[ReadyGrasp]:
+def _easiest(context: PlanningContext, body: PosedObject, ways: _Ways, near: CollisionFilter) -> list[ReadyGrasp]:
     """Up to `MOST_READY` of some ways that are free, least effort first; `near` judges next to the grasp."""
-    widest = bench.twin.gripper.opening
+    widest = context.twin.gripper.opening
     out: list[ReadyGrasp] = []
     for i in np.argsort(ways.efforts, kind="stable"):
         openings = (widest, min(widest, ways.grasps[i].width + SPARE_OPENING))
-        ready = _ready(bench, body, ways, int(i), openings, near)
+        ready = _ready(context, body, ways, int(i), openings, near)
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break
     return out
 
 
-def _between_walls(bench: Workbench, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
+def _between_walls(context: PlanningContext, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:
     """With the whole planning margin where that finds something, else with the small one next to the grasp."""
-    offered = grasps(body, bench.safety, bench.twin.support_height, BETWEEN_WALLS, bench.twin.gripper)
-    ways = _ways(bench, body, offered, outs)
-    bench.counts["looks_between_walls"] += 1
-    out = _roomiest(bench, body, ways, bench.filter)
+    offered = grasps(body, context.safety, context.twin.support_height, BETWEEN_WALLS, context.twin.gripper)
+    ways = _ways(context, body, offered, outs)
+    context.counts["looks_between_walls"] += 1
+    out = _roomiest(context, body, ways, context.filter)
     if not out:
-        near = bench.near_filter()
-        bench.counts["looks_between_walls"] += 1
-        out = _roomiest(bench, body, ways, near)
-        bench.filter.checks += near.checks
+        near = context.near_filter()
+        context.counts["looks_between_walls"] += 1
+        out = _roomiest(context, body, ways, near)
+        context.filter.checks += near.checks
     return out
 
 
-def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: CollisionFilter) -> list[ReadyGrasp]:
+def _roomiest(context: PlanningContext, body: PosedObject, ways: _Ways, check: CollisionFilter) -> list[ReadyGrasp]:
     """Least effort first, where fingers that open less count as effort: these may touch what is wider than it seems."""
-    widest = bench.twin.gripper.opening
-    least = 2 * bench.safety.finger_clearance + LEAST_SPARE
+    widest = context.twin.gripper.opening
+    least = 2 * context.safety.finger_clearance + LEAST_SPARE
     spares = [s for s in NARROWER_OPENINGS if s > least] + [least]
     rows: list[tuple[float, int, tuple[float, ...]]] = []
     for i, grasp in enumerate(ways.grasps):
@@ -159,31 +159,31 @@ def _roomiest(bench: Workbench, body: PosedObject, ways: _Ways, check: Collision
             rows.append((ways.efforts[i] + NARROW_WEIGHT * (widest - free[0]), i, free))
     out: list[ReadyGrasp] = []
     for _, i, openings in sorted(rows):
-        ready = _ready(bench, body, ways, i, openings, check)
+        ready = _ready(context, body, ways, i, openings, check)
         out += [ready] if ready else []
         if len(out) == MOST_READY:
             break
     return out
 
 
-def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[WayOut]) -> _Ways:
+def _ways(context: PlanningContext, body: PosedObject, offered: list[Grasp], outs: list[WayOut]) -> _Ways:
     """Of some grasps those that the arm reaches, comes to, and from which it follows a way out, in straight lines."""
-    offered = [g for g in offered if _points_down_later(bench, body, g)]
-    bench.counts["grasps"] += len(offered)
-    owners, solutions = bench.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
-    bench.counts["grasps_reachable"] += len(set(owners.tolist()))
+    offered = [g for g in offered if _points_down_later(context, body, g)]
+    context.counts["grasps"] += len(offered)
+    owners, solutions = context.solve(np.array([g.world_T_tcp for g in offered]).reshape(-1, 4, 4))
+    context.counts["grasps_reachable"] += len(set(owners.tolist()))
     chosen = [offered[i] for i in owners]
-    outwards, ok = bench.follow(solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.approach) for g in chosen])
+    outwards, ok = context.follow(solutions, [straight_targets(g.world_T_tcp, -BACK_OFF * g.approach) for g in chosen])
     rows = [(int(i), out) for out in outs for i in np.flatnonzero(ok)]
-    upwards, followed = bench.follow(
+    upwards, followed = context.follow(
         np.array([solutions[i] for i, _ in rows]).reshape(-1, 7),
         [out.targets(chosen[i].world_T_tcp) for i, out in rows],
     )
     kept = np.flatnonzero(followed)
-    bench.counts["grasps_followed"] += len(kept)
+    context.counts["grasps_followed"] += len(kept)
     shortest = min(out.length for out in outs)
     efforts = [
-        _effort(bench, solutions[rows[k][0]], chosen[rows[k][0]], body) + OUT_WEIGHT * (rows[k][1].length - shortest)
+        _effort(context, solutions[rows[k][0]], chosen[rows[k][0]], body) + OUT_WEIGHT * (rows[k][1].length - shortest)
         for k in kept
     ]
     return _Ways(
@@ -195,15 +195,15 @@ def _ways(bench: Workbench, body: PosedObject, offered: list[Grasp], outs: list[
     )
 
 
-def turn_asked(bench: Workbench) -> float | None:
+def turn_asked(context: PlanningContext) -> float | None:
     """By how much in [rad] the subject has to be turned about its own x axis, or None where nothing asks for it."""
-    asked = (t for t in (bench.subtask.term, *other_terms(bench)) if t.kind == "set_obj_orientation")
+    asked = (t for t in (context.subtask.term, *other_terms(context)) if t.kind == "set_obj_orientation")
     return next((float(t.value or 0.0) for t in asked), None)
 
 
-def _points_down_later(bench: Workbench, body: PosedObject, grasp: Grasp) -> bool:
+def _points_down_later(context: PlanningContext, body: PosedObject, grasp: Grasp) -> bool:
     """Whether the hand still points downwards when the object has been turned over in it, where that is asked for."""
-    turn = turn_asked(bench)
+    turn = turn_asked(context)
     if turn is None:
         return True
     turned = rolled(body.pose, 0, turn)[:3, :3]
@@ -211,37 +211,37 @@ def _points_down_later(bench: Workbench, body: PosedObject, grasp: Grasp) -> boo
 
 
 def _ready(
-    bench: Workbench, body: PosedObject, ways: _Ways, i: int, openings: tuple[float, ...], near: CollisionFilter
+    context: PlanningContext, body: PosedObject, ways: _Ways, i: int, openings: tuple[float, ...], near: CollisionFilter
 ) -> ReadyGrasp | None:
     """One grasp with the first of some openings that is free all the way in and up; `near` judges next to the grasp."""
     grasp, q, outwards = ways.grasps[i], ways.q[i], ways.outwards[i]
-    opening = next((o for o in openings if _way_in_clear(bench, q, outwards, o, near)), None)
+    opening = next((o for o in openings if _way_in_clear(context, q, outwards, o, near)), None)
     if opening is None:
         return None
     held = Held(np.linalg.inv(grasp.world_T_tcp) @ body.pose)
     lift = np.vstack([q[None], ways.upwards[i]])
-    if not bench.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
+    if not context.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
         return None
     if not near.path_clear(lift, Phase.EXTRACT, grasp.width, held):
         return None
     return ReadyGrasp(grasp, q, np.vstack([outwards[::-1], q[None]]), lift, held, opening, grasp.width)
 
 
-def reach_path(bench: Workbench, grasp: ReadyGrasp, planner: bool = False) -> np.ndarray | None:
+def reach_path(context: PlanningContext, grasp: ReadyGrasp, planner: bool = False) -> np.ndarray | None:
     """From the start to the pre-grasp, shape (n, 7); the start alone where the object is in the hand already."""
     if grasp.grasp is None:
-        return bench.start_q[None]
-    width = max(bench.twin.gripper_width, grasp.opening)
-    return bench.way(bench.start_q, grasp.arrive[0], Phase.FREE, width, None, planner)
+        return context.start_q[None]
+    width = max(context.twin.gripper_width, grasp.opening)
+    return context.way(context.start_q, grasp.arrive[0], Phase.FREE, width, None, planner)
 
 
-def pick_segments(bench: Workbench, grasp: ReadyGrasp, reach: np.ndarray) -> list[PathSegment]:
+def pick_segments(context: PlanningContext, grasp: ReadyGrasp, reach: np.ndarray) -> list[PathSegment]:
     """Reach, approach, grasp and lift; only the lift where the object is in the hand already."""
-    subject = str(bench.subtask.subject)
-    touching = tuple((subject, s) for s in bench.supports)
+    subject = str(context.subtask.subject)
+    touching = tuple((subject, s) for s in context.supports)
     if grasp.grasp is None:
         return [PathSegment("lift", grasp.lift, None, subject, touching, MEDIUM)] if len(grasp.lift) > 1 else []
-    opens, at = abs(grasp.opening - bench.twin.gripper_width) > 0.002, ((subject, FINGERS),)
+    opens, at = abs(grasp.opening - context.twin.gripper_width) > 0.002, ((subject, FINGERS),)
     return [
         PathSegment("reach", reach, GripperCommand("move", grasp.opening) if opens else None),
         PathSegment("approach", grasp.arrive, GripperCommand("grasp", grasp.width), None, at, MEDIUM),
@@ -266,33 +266,35 @@ def diverse(ready: list[ReadyGrasp], count: int) -> list[ReadyGrasp]:
     return [*fresh, *similar][:count]
 
 
-def _already_held(bench: Workbench, body: PosedObject) -> ReadyGrasp:
-    tcp = bench.filter.tcp_pose(bench.start_q)
-    lift = bench.start_q[None]
-    if bench.supports:  # it still stands on something: take it off first
-        for out in ways_out(bench):
-            up, ok = bench.follow(bench.start_q[None], [out.targets(tcp)])
+def _already_held(context: PlanningContext, body: PosedObject) -> ReadyGrasp:
+    tcp = context.filter.tcp_pose(context.start_q)
+    lift = context.start_q[None]
+    if context.supports:  # it still stands on something: take it off first
+        for out in ways_out(context):
+            up, ok = context.follow(context.start_q[None], [out.targets(tcp)])
             if ok[0]:
                 lift = np.vstack([lift, up[0]])
                 break
-    bench.counts["grasps"] += 1
-    bench.counts["grasps_free"] += 1
-    width = bench.twin.gripper_width
+    context.counts["grasps"] += 1
+    context.counts["grasps_free"] += 1
+    width = context.twin.gripper_width
     held = Held(np.linalg.inv(tcp) @ body.pose)
-    return ReadyGrasp(None, bench.start_q, np.zeros((0, 7)), lift, held, width, width)
+    return ReadyGrasp(None, context.start_q, np.zeros((0, 7)), lift, held, width, width)
 
 
-def _way_in_clear(bench: Workbench, q: np.ndarray, outwards: np.ndarray, opening: float, near: CollisionFilter) -> bool:
+def _way_in_clear(
+    context: PlanningContext, q: np.ndarray, outwards: np.ndarray, opening: float, near: CollisionFilter
+) -> bool:
     """Whether the hand can come to a grasp with this opening; the pre-grasp is a free posture like any other."""
     return (
-        bench.filter.clear(outwards[-1], Phase.FREE, opening)
+        context.filter.clear(outwards[-1], Phase.FREE, opening)
         and near.clear(q, Phase.GRASP, opening)
         and near.path_clear(outwards[:-1], Phase.GRASP, opening)
     )
 
 
-def _effort(bench: Workbench, q: np.ndarray, grasp: Grasp, body: PosedObject) -> float:
+def _effort(context: PlanningContext, q: np.ndarray, grasp: Grasp, body: PosedObject) -> float:
     """Joint motion from the start and a little from rest in [rad]; steep hands and central grasps are preferred."""
     aside = float(np.linalg.norm(grasp.world_T_tcp[:3, 3] - body.position))
-    near, rest = np.abs(q - bench.start_q).max(), np.abs(q - REST_Q).max()
+    near, rest = np.abs(q - context.start_q).max(), np.abs(q - REST_Q).max()
     return float(near + 0.2 * rest + 0.3 * (np.pi / 2 - grasp.pitch) + ASIDE_WEIGHT * aside)

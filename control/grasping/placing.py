@@ -10,7 +10,7 @@ from control.grasping.placements import RELEASE_GAP, Placement, away_from, on_or
 from control.grasping.retreat import LIFT
 from control.grasping.side_grasps import ROLLED_DROP
 from control.path_planning.collision_filter import Phase
-from control.path_planning.planning_context import Workbench, other_terms, straight_targets
+from control.path_planning.planning_context import PlanningContext, other_terms, straight_targets
 from control.robot.limits import REST_Q, RobotLimits
 from control.robot.rotations import rolled
 from control.tasks.predicates import PosedObject, judge_term
@@ -42,23 +42,23 @@ class ReadyPlace:
     opening: float
 
 
-def offered_places(bench: Workbench, ready: list[ReadyGrasp]) -> list[Placement]:
+def offered_places(context: PlanningContext, ready: list[ReadyGrasp]) -> list[Placement]:
     """Poses in which the subject would meet the primary term, best first.
 
     Args:
-        bench: Surroundings of the search.
+        context: Surroundings of the search.
         ready: How it can be taken: what only a level hand takes has to be rolled until the hand points down.
     """
-    body = bench.objects[str(bench.subtask.subject)]
-    attitudes = [replace(body, pose=pose) for pose in _attitudes(bench, body, ready)]
-    offered = [_places_of(bench, a) for a in attitudes]
+    body = context.objects[str(context.subtask.subject)]
+    attitudes = [replace(body, pose=pose) for pose in _attitudes(context, body, ready)]
+    offered = [_places_of(context, a) for a in attitudes]
     if len(attitudes) > 1:
         offered = [[_raised(p, ROLLED_DROP) for p in places] for places in offered]
     # All attitudes at one spot before the next spot.
     longest = max(map(len, offered))
     turns = max(1, AT_ONE_SPOT // len(offered))
     mixed = [p for first in range(0, longest, turns) for places in offered for p in places[first : first + turns]]
-    return _meeting_others(bench, body, mixed if len(offered) > 1 else offered[0])
+    return _meeting_others(context, body, mixed if len(offered) > 1 else offered[0])
 
 
 def _raised(place: Placement, by: float) -> Placement:
@@ -67,16 +67,16 @@ def _raised(place: Placement, by: float) -> Placement:
     return replace(place, world_T_object=pose)
 
 
-def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]) -> list[Placement]:
+def _meeting_others(context: PlanningContext, body: PosedObject, places: list[Placement]) -> list[Placement]:
     """Those places at which the spec's other terms about the subject hold as well."""
-    others = [t for t in other_terms(bench) if t.kind != "set_obj_orientation"]
+    others = [t for t in other_terms(context) if t.kind != "set_obj_orientation"]
     if not others:
         return places
     out = []
     for place in places:
-        there = {**bench.objects, body.name: replace(body, pose=place.world_T_object)}
+        there = {**context.objects, body.name: replace(body, pose=place.world_T_object)}
         judged = [
-            judge_term(t, there, bench.rest_palm, bench.rest_palm, bench.objects, bench.twin.support_height)
+            judge_term(t, there, context.rest_palm, context.rest_palm, context.objects, context.twin.support_height)
             for t in others
         ]
         if all(j.residual <= RELEASE_GAP + ROLLED_DROP for j in judged):
@@ -84,29 +84,29 @@ def _meeting_others(bench: Workbench, body: PosedObject, places: list[Placement]
     return out
 
 
-def _places_of(bench: Workbench, body: PosedObject) -> list[Placement]:
+def _places_of(context: PlanningContext, body: PosedObject) -> list[Placement]:
     """The same for one attitude of the subject."""
-    task = bench.subtask
+    task = context.subtask
     if task.manipulation == "place":
-        places = on_or_in(body, bench.objects[str(task.target)], bench.rng)
+        places = on_or_in(body, context.objects[str(task.target)], context.rng)
         return sorted(places, key=lambda p: p.preference)
-    others = [o for name, o in bench.objects.items() if name != task.subject]
+    others = [o for name, o in context.objects.items() if name != task.subject]
     if task.manipulation == "turn":  # near where it stands, on the table, in any heading
         turns = np.arange(HEADINGS) * 2 * np.pi / HEADINGS
-        height = bench.twin.support_height
-        return away_from(body, body.position, -np.inf, others, bench.safety, height, bench.rng, turns=turns)
-    at = bench.objects[str(task.target)].position if task.target in bench.objects else bench.rest_palm
+        height = context.twin.support_height
+        return away_from(body, body.position, -np.inf, others, context.safety, height, context.rng, turns=turns)
+    at = context.objects[str(task.target)].position if task.target in context.objects else context.rest_palm
     distance = float(task.term.value or 0.0)
-    height, swings = bench.twin.support_height, door_swings(bench.twin)
-    return away_from(body, at, distance, others, bench.safety, height, bench.rng, swings=swings, owner=task.target)
+    height, swings = context.twin.support_height, door_swings(context.twin)
+    return away_from(body, at, distance, others, context.safety, height, context.rng, swings=swings, owner=task.target)
 
 
-def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
+def _attitudes(context: PlanningContext, body: PosedObject, ready: list[ReadyGrasp]) -> list[np.ndarray]:
     """Poses of the subject where it is, in the attitudes in which it may be put down."""
-    turn = turn_asked(bench)
+    turn = turn_asked(context)
     if turn is not None:
         return [rolled(body.pose, 0, turn)]
-    thing = bench.twin.get(body.name)
+    thing = context.twin.get(body.name)
     has_handle = thing is not None and thing.handle is not None
     down = [-(body.pose @ np.linalg.inv(g.held.tcp_T_object))[2, 2] for g in ready]
     if body.shape != "box" or body.container or has_handle or max(down, default=1.0) > LEVEL_HAND:
@@ -116,27 +116,29 @@ def _attitudes(bench: Workbench, body: PosedObject, ready: list[ReadyGrasp]) -> 
     return [rolled(body.pose, longest, angle) for angle in (np.pi / 2, -np.pi / 2)] + [body.pose]
 
 
-def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placement]) -> list[tuple[int, ReadyPlace]]:
+def ready_pairs(
+    context: PlanningContext, ready: list[ReadyGrasp], places: list[Placement]
+) -> list[tuple[int, ReadyPlace]]:
     """Combinations of a grasp (its index) and a place that the arm reaches freely, least joint motion first."""
     index: list[tuple[int, int]] = []
     targets, seeds = [], []
     for i, grasp in enumerate(ready):
         object_T_tcp = np.linalg.inv(grasp.held.tcp_T_object)
-        lifted = bench.filter.tcp_pose(grasp.lift[-1])
+        lifted = context.filter.tcp_pose(grasp.lift[-1])
         for j, place in enumerate(places):
             target = place.world_T_object @ object_T_tcp
             if -target[2, 2] < LEAST_DOWN:
                 continue
             index.append((i, j))
             targets.append(target)
-            seeds.append(_swung(grasp.lift[-1], lifted, target, bench.limits))
+            seeds.append(_swung(grasp.lift[-1], lifted, target, context.limits))
     if not index:
         return []
-    if turn_asked(bench) is not None:  # the hand ends in quite another posture
-        owners, solutions = bench.solve(np.array(targets))
+    if turn_asked(context) is not None:  # the hand ends in quite another posture
+        owners, solutions = context.solve(np.array(targets))
     else:
-        owners, solutions = bench.solve_from(np.array(targets), np.array(seeds))
-    bench.counts["places_reachable"] += len(owners)
+        owners, solutions = context.solve_from(np.array(targets), np.array(seeds))
+    context.counts["places_reachable"] += len(owners)
     out: list[tuple[int, ReadyPlace]] = []
     effort = [
         float(np.abs(q - ready[index[k][0]].lift[-1]).max() + 0.3 * np.abs(q - REST_Q).max())
@@ -144,15 +146,15 @@ def ready_pairs(bench: Workbench, ready: list[ReadyGrasp], places: list[Placemen
     ]
     order = np.argsort(effort, kind="stable")
     for first in range(0, len(order), AT_ONCE):
-        out = _free_pairs(bench, ready, places, index, targets, owners, solutions, order[first : first + AT_ONCE])
+        out = _free_pairs(context, ready, places, index, targets, owners, solutions, order[first : first + AT_ONCE])
         if out:
             break
-    bench.counts["places_free"] += len(out)
+    context.counts["places_free"] += len(out)
     return out
 
 
 def _free_pairs(
-    bench: Workbench,
+    context: PlanningContext,
     ready: list[ReadyGrasp],
     places: list[Placement],
     index: list[tuple[int, int]],
@@ -163,39 +165,39 @@ def _free_pairs(
 ) -> list[tuple[int, ReadyPlace]]:
     """Those of the chosen combinations that are free while lowering, opening and leaving."""
     owners, solutions = owners[chosen], solutions[chosen]
-    rises = [_way_up(bench, places[index[k][1]], targets[k]) for k in owners]
-    leaves = [_way_back(bench, places[index[k][1]], targets[k]) for k in owners]
-    up, ok_up = bench.follow(solutions, rises)
-    back, ok_back = bench.follow(solutions, leaves)
+    rises = [_way_up(context, places[index[k][1]], targets[k]) for k in owners]
+    leaves = [_way_back(context, places[index[k][1]], targets[k]) for k in owners]
+    up, ok_up = context.follow(solutions, rises)
+    back, ok_back = context.follow(solutions, leaves)
     out = []
     for n in np.flatnonzero(ok_up):
         i, j = index[owners[n]]
-        place = _free_place(bench, ready[i], places[j], solutions[n], up[n], back[n] if ok_back[n] else None)
+        place = _free_place(context, ready[i], places[j], solutions[n], up[n], back[n] if ok_back[n] else None)
         if place is not None:
             out.append((i, place))
     return out
 
 
-def _way_up(bench: Workbench, place: Placement, target: np.ndarray) -> np.ndarray:
+def _way_up(context: PlanningContext, place: Placement, target: np.ndarray) -> np.ndarray:
     """Poses of the tool from a place to where the object is brought to first, shape (n, 4, 4)."""
-    out = _way_out(bench, place)
+    out = _way_out(context, place)
     if out is None:
-        return straight_targets(target, np.array([0.0, 0.0, _rise(bench, place)]))
+        return straight_targets(target, np.array([0.0, 0.0, _rise(context, place)]))
     up = straight_targets(target, np.array([0.0, 0.0, ABOVE_FLOOR]))
     return np.vstack([up, straight_targets(up[-1], out)])
 
 
-def _way_back(bench: Workbench, place: Placement, target: np.ndarray) -> np.ndarray:
+def _way_back(context: PlanningContext, place: Placement, target: np.ndarray) -> np.ndarray:
     """Poses of the tool from a place backwards after the release, shape (n, 4, 4); out of furniture altogether."""
-    out = _way_out(bench, place)
+    out = _way_out(context, place)
     back = straight_targets(target, -BACK_OFF * target[:3, 2])
     return back if out is None else np.vstack([back, straight_targets(back[-1], out)])
 
 
-def _way_out(bench: Workbench, place: Placement) -> np.ndarray | None:
+def _way_out(context: PlanningContext, place: Placement) -> np.ndarray | None:
     """From a place in furniture through its opening and a hand's depth further in [m], shape (3,); else None."""
-    task = bench.subtask
-    owner = bench.objects[str(task.target)] if task.manipulation == "place" else None
+    task = context.subtask
+    owner = context.objects[str(task.target)] if task.manipulation == "place" else None
     if owner is None or owner.inside is None:
         return None
     outward = owner.pose[:3, :3] @ owner.inside.outward
@@ -204,27 +206,32 @@ def _way_out(bench: Workbench, place: Placement) -> np.ndarray | None:
     return outward * (float((edge - local) @ inside.outward) + BEFORE_OPENING)
 
 
-def _rise(bench: Workbench, place: Placement) -> float:
+def _rise(context: PlanningContext, place: Placement) -> float:
     """How far above its place the object is brought in [m]: clear of a container's rim."""
-    task = bench.subtask
-    if task.manipulation == "place" and bench.objects[str(task.target)].container:
-        subject = replace(bench.objects[str(task.subject)], pose=place.world_T_object)
-        return max(LIFT, bench.objects[str(task.target)].top - subject.bottom + ABOVE_RIM)
+    task = context.subtask
+    if task.manipulation == "place" and context.objects[str(task.target)].container:
+        subject = replace(context.objects[str(task.subject)], pose=place.world_T_object)
+        return max(LIFT, context.objects[str(task.target)].top - subject.bottom + ABOVE_RIM)
     return LIFT
 
 
 def _free_place(
-    bench: Workbench, grasp: ReadyGrasp, place: Placement, q: np.ndarray, up: np.ndarray, back: np.ndarray | None
+    context: PlanningContext,
+    grasp: ReadyGrasp,
+    place: Placement,
+    q: np.ndarray,
+    up: np.ndarray,
+    back: np.ndarray | None,
 ) -> ReadyPlace | None:
     """Check lowering, opening and leaving at one place."""
-    check = bench.filter
+    check = context.filter
     if not check.clear(q, Phase.CONTACT, grasp.width, grasp.held):
         return None
     if not check.clear(up[-1], Phase.CARRY, grasp.width, grasp.held):
         return None
     if not check.path_clear(up[:-1], Phase.CONTACT, grasp.width, grasp.held):
         return None
-    at, widest = place.world_T_object, bench.twin.gripper.opening
+    at, widest = place.world_T_object, context.twin.gripper.opening
     for opening in (widest, min(widest, grasp.width + SPARE_OPENING), grasp.width + NARROW_OPENING):
         if not check.clear(q, Phase.GRASP, opening, at):
             continue

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.path_planning.collision_filter import Phase
-from control.path_planning.planning_context import Workbench, straight_targets
+from control.path_planning.planning_context import PlanningContext, straight_targets
 
 LIFT = 0.06  # [m] straight up after a grasp, and straight down before a release
 RISE = 0.005  # [m] off what carries the object, before it is moved sideways
@@ -49,43 +49,43 @@ class WayOut:
         return np.vstack(out)
 
 
-def ways_out(bench: Workbench) -> list[WayOut]:
+def ways_out(context: PlanningContext) -> list[WayOut]:
     """Ways out for the subject, the shortest first; lifting alone wherever that is free."""
-    pose = bench.objects[str(bench.subtask.subject)].pose
+    pose = context.objects[str(context.subtask.subject)].pose
     up = WayOut(np.array([[0.0, 0.0, LIFT]]))
-    inside = _through_opening(bench, pose)
-    if inside is not None and _free(bench, pose, inside):
+    inside = _through_opening(context, pose)
+    if inside is not None and _free(context, pose, inside):
         return [inside]
-    if _free(bench, pose, up):
+    if _free(context, pose, up):
         return [up]
     found = []
-    for direction in _directions(bench, pose):
-        way = _sideways(bench, pose, direction)
+    for direction in _directions(context, pose):
+        way = _sideways(context, pose, direction)
         if way is not None:
             found.append(way)
     return sorted(found, key=lambda way: way.length) or [up]
 
 
-def _free(bench: Workbench, pose: np.ndarray, way: WayOut) -> bool:
+def _free(context: PlanningContext, pose: np.ndarray, way: WayOut) -> bool:
     poses = way.targets(pose)
-    return _goes(bench, poses) and _open(bench, poses[-1])
+    return _goes(context, poses) and _open(context, poses[-1])
 
 
-def _open(bench: Workbench, pose: np.ndarray) -> bool:
+def _open(context: PlanningContext, pose: np.ndarray) -> bool:
     """Whether the object could go on from a pose, upwards or towards the robot: in a loop or a box it could not."""
-    for direction in (np.array([0.0, 0.0, 1.0]), _inwards(bench, pose)):
+    for direction in (np.array([0.0, 0.0, 1.0]), _inwards(context, pose)):
         ahead = straight_targets(pose, GO_ON * direction)
-        if all(bench.filter.object_clear(p, Phase.CARRY) for p in ahead):
+        if all(context.filter.object_clear(p, Phase.CARRY) for p in ahead):
             return True
     return False
 
 
-def _directions(bench: Workbench, pose: np.ndarray) -> list[np.ndarray]:
+def _directions(context: PlanningContext, pose: np.ndarray) -> list[np.ndarray]:
     """Level unit vectors: the object's own axes both ways, those of what stands fixed, and those of a compass.
 
     A slot may be turned by a degree against what was perceived in it, which is a finger's breadth at its end.
     """
-    fixed = [bench.objects[o.name].pose[:3, :3].T for o in bench.twin.objects if not o.movable]
+    fixed = [context.objects[o.name].pose[:3, :3].T for o in context.twin.objects if not o.movable]
     own = pose[:3, :3].T
     angles = np.arange(COMPASS) * 2 * np.pi / COMPASS
     compass = np.array([[np.cos(a), np.sin(a), 0.0] for a in angles])
@@ -98,7 +98,7 @@ def _directions(bench: Workbench, pose: np.ndarray) -> list[np.ndarray]:
     return out
 
 
-def _sideways(bench: Workbench, pose: np.ndarray, direction: np.ndarray) -> WayOut | None:
+def _sideways(context: PlanningContext, pose: np.ndarray, direction: np.ndarray) -> WayOut | None:
     """The shortest way in a direction, or None where something is in the way or it is too far.
 
     It ends `BEYOND` after the object has come free. What slides along a wall comes free of it only by a last move
@@ -106,41 +106,41 @@ def _sideways(bench: Workbench, pose: np.ndarray, direction: np.ndarray) -> WayO
     """
     rise = np.array([0.0, 0.0, RISE])
     out, free_since = pose.copy(), None
-    last = LAST * _inwards(bench, pose)
+    last = LAST * _inwards(context, pose)
     for length in np.arange(0.0, LONGEST + STEP / 2, STEP):
         out[:3, 3] = pose[:3, 3] + rise + length * direction
-        if not bench.filter.object_clear(out, Phase.EXTRACT):
+        if not context.filter.object_clear(out, Phase.EXTRACT):
             return None
-        if not bench.filter.object_clear(out, Phase.CARRY):
+        if not context.filter.object_clear(out, Phase.CARRY):
             free_since = None
             back = straight_targets(out, last)
-            if _goes(bench, back) and _open(bench, back[-1]):
+            if _goes(context, back) and _open(context, back[-1]):
                 return WayOut(np.array([rise, length * direction, last]))
             continue
         free_since = length if free_since is None else free_since
-        if length - free_since >= BEYOND and _open(bench, out):
+        if length - free_since >= BEYOND and _open(context, out):
             return WayOut(np.array([rise, length * direction]))
     return None
 
 
-def _goes(bench: Workbench, poses: np.ndarray) -> bool:
+def _goes(context: PlanningContext, poses: np.ndarray) -> bool:
     """Whether the object can be moved through poses (n, 4, 4) and is free at the last."""
-    return bench.filter.object_clear(poses[-1], Phase.CARRY) and all(
-        bench.filter.object_clear(p, Phase.EXTRACT) for p in poses[:-1]
+    return context.filter.object_clear(poses[-1], Phase.CARRY) and all(
+        context.filter.object_clear(p, Phase.EXTRACT) for p in poses[:-1]
     )
 
 
-def _inwards(bench: Workbench, pose: np.ndarray) -> np.ndarray:
+def _inwards(context: PlanningContext, pose: np.ndarray) -> np.ndarray:
     """Level unit vector from a pose towards the robot, shape (3,)."""
-    way = bench.base_position - pose[:3, 3]
+    way = context.base_position - pose[:3, 3]
     way[2] = 0.0
     return way / max(float(np.linalg.norm(way)), 1e-9)
 
 
-def _through_opening(bench: Workbench, pose: np.ndarray) -> WayOut | None:
+def _through_opening(context: PlanningContext, pose: np.ndarray) -> WayOut | None:
     """Out of the furniture that the object stands in, or None where it stands in none."""
-    for compartment in bench.twin.compartments:
-        owner = bench.objects[compartment.owner].pose
+    for compartment in context.twin.compartments:
+        owner = context.objects[compartment.owner].pose
         local = owner[:3, :3].T @ (pose[:3, 3] - owner[:3, 3])
         if not ((local >= compartment.low) & (local <= compartment.high)).all():
             continue

@@ -25,7 +25,7 @@ LIMIT_MARGIN = 0.05  # [rad] kept from joint limits, more than the judge asks fo
 
 
 @dataclass
-class Workbench:
+class PlanningContext:
     """One search's surroundings; counts say where candidates were lost.
 
     Attributes:
@@ -186,10 +186,10 @@ class Workbench:
         return path
 
 
-def other_terms(bench: Workbench) -> list[RewardTerm]:
+def other_terms(context: PlanningContext) -> list[RewardTerm]:
     """Terms about the subject beside the primary one, those about the palm left out."""
-    terms = () if bench.spec is None else bench.spec.terms
-    subject = bench.subtask.subject
+    terms = () if context.spec is None else context.spec.terms
+    subject = context.subtask.subject
     return [
         t for t in terms if not t.primary and subject in (t.subject, t.carries) and PALM not in (t.subject, t.target)
     ]

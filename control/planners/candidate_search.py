@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from control.path_planning.planning_context import Workbench
+from control.path_planning.planning_context import PlanningContext
 from control.planners.candidates import Candidate
 from control.planners.refinement import vary
 from control.safety.residuals import safety_residuals
@@ -55,7 +55,7 @@ class Search:
     """The simulated candidates of one search.
 
     Args:
-        bench: Its surroundings.
+        context: Its surroundings.
         spec: What to achieve.
         offered: Candidates, promising ones first; drawn as they are needed.
         most: Most of them to simulate.
@@ -69,19 +69,19 @@ class Search:
 
     def __init__(
         self,
-        bench: Workbench,
+        context: PlanningContext,
         spec: RewardSpec,
         offered: Iterator[Candidate],
         most: int,
         nthread: int,
         observe: Observer | None = None,
     ) -> None:
-        self.bench, self.spec = bench, spec
+        self.context, self.spec = context, spec
         self._offered, self._most = offered, most
         self._nthread, self._observe = nthread, observe
         self.tried: list[Tried] = []
         self.steps = 0
-        table = safety_residuals(replace(bench.safety, settle_time=SETTLE_IN_SEARCH))
+        table = safety_residuals(replace(context.safety, settle_time=SETTLE_IN_SEARCH))
         self._residuals = tuple(r for r in table if r.name not in RETIMED_ONLY)
 
     def try_until(self, enough: int = ENOUGH) -> None:
@@ -96,8 +96,8 @@ class Search:
         """Vary the best candidates, until something is clean."""
         for _ in range(ROUNDS):
             elite = [t.candidate for t in self.ranked()[:ELITE]]
-            fresh = vary(self.bench, elite, min(VARIED, self._most))
-            self.bench.counts["varied"] += len(fresh)
+            fresh = vary(self.context, elite, min(VARIED, self._most))
+            self.context.counts["varied"] += len(fresh)
             if fresh:
                 self.tried += self.simulate(fresh)
             if self.good():
@@ -133,21 +133,21 @@ class Search:
 
     def simulate(self, group: list[Candidate]) -> list[Tried]:
         """Simulate and judge candidates in the twin."""
-        bench = self.bench
-        commands = [commands_for(c.segments, bench.twin, bench.limits) for c in group]
-        rollouts, steps = roll_out([bench.twin] * len(group), commands, self._nthread, observe=self._observe)
+        context = self.context
+        commands = [commands_for(c.segments, context.twin, context.limits) for c in group]
+        rollouts, steps = roll_out([context.twin] * len(group), commands, self._nthread, observe=self._observe)
         self.steps += steps
-        return [Tried(c, self._score(r, bench.twin, c), r) for c, r in zip(group, rollouts, strict=True)]
+        return [Tried(c, self._score(r, context.twin, c), r) for c, r in zip(group, rollouts, strict=True)]
 
     def _wins(self, candidate: Candidate, variants: Sequence[TwinModel]) -> int:
         """Points in the perturbed twins: one for a success, one more where it is clean."""
-        commands = [commands_for(candidate.segments, v, self.bench.limits) for v in variants]
+        commands = [commands_for(candidate.segments, v, self.context.limits) for v in variants]
         rollouts, steps = roll_out(variants, commands, self._nthread, observe=self._observe)
         self.steps += steps
-        self.bench.counts["doubted"] += 1
+        self.context.counts["doubted"] += 1
         scores = [self._score(r, v, candidate) for r, v in zip(rollouts, variants, strict=True)]
         return sum(s.success + (s.success and s.clean) for s in scores)
 
     def _score(self, rollout: Rollout, twin: TwinModel, candidate: Candidate) -> Score:
-        motion = record_motion(rollout, twin, Purpose.of_spec(self.spec, self.bench.supports), STRIDE)
-        return score_motion(motion, twin, self.spec, self._residuals, self.bench.rest_palm, candidate.preference)
+        motion = record_motion(rollout, twin, Purpose.of_spec(self.spec, self.context.supports), STRIDE)
+        return score_motion(motion, twin, self.spec, self._residuals, self.context.rest_palm, candidate.preference)

@@ -18,7 +18,7 @@ from control.grasping.grasps import pose, tcp_frame
 from control.grasping.picking import MEDIUM, SLOW, ReadyGrasp, diverse, pick_segments, reach_path, ready_grasps
 from control.grasping.placing import ReadyPlace, offered_places, ready_pairs
 from control.path_planning.collision_filter import Held, JointAt, Phase
-from control.path_planning.planning_context import Workbench, path_length, straight_targets
+from control.path_planning.planning_context import PlanningContext, path_length, straight_targets
 from control.robot.limits import REST_Q
 from control.tasks.predicates import PosedObject, judge_term
 from control.trajectory.samples import FINGERS, GripperCommand, PathSegment
@@ -51,41 +51,41 @@ class Candidate:
     joint_ends: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
-def candidates(bench: Workbench) -> Iterator[Candidate]:
+def candidates(context: PlanningContext) -> Iterator[Candidate]:
     """Candidates for the subtask, promising ones first."""
-    kind = bench.subtask.manipulation
+    kind = context.subtask.manipulation
     if kind in ("rest", "retreat"):
-        yield from _palm_moves(bench)
+        yield from _palm_moves(context)
     elif kind == "reach":
-        yield from _reaches(bench)
+        yield from _reaches(context)
     elif kind in ("lift", "bring"):
-        yield from _lifts(bench)
+        yield from _lifts(context)
     elif kind == "drive":
-        yield from _drives(bench)
+        yield from _drives(context)
     else:
-        yield from _placings(bench)
+        yield from _placings(context)
 
 
-def _palm_moves(bench: Workbench) -> Iterator[Candidate]:
+def _palm_moves(context: PlanningContext) -> Iterator[Candidate]:
     """Move to rest, or to another posture far enough away."""
-    term, ends = bench.subtask.term, [np.array(REST_Q)]
-    if bench.subtask.manipulation == "retreat":
-        ends += bench.vias
-    held, phase = _carried(bench)
+    term, ends = context.subtask.term, [np.array(REST_Q)]
+    if context.subtask.manipulation == "retreat":
+        ends += context.vias
+    held, phase = _carried(context)
     for end in ends:
-        palm = bench.filter.tcp_pose(end)[:3, 3]
-        if not judge_term(term, bench.objects, palm, bench.rest_palm).met:
+        palm = context.filter.tcp_pose(end)[:3, 3]
+        if not judge_term(term, context.objects, palm, context.rest_palm).met:
             continue
-        bench.counts["ends"] += 1
-        path = bench.way(bench.start_q, end, phase, bench.twin.gripper_width, held, planner=True)
+        context.counts["ends"] += 1
+        path = context.way(context.start_q, end, phase, context.twin.gripper_width, held, planner=True)
         if path is not None:
-            yield Candidate((PathSegment("home", path, held=bench.twin.held),), "move the palm", path_length(path))
+            yield Candidate((PathSegment("home", path, held=context.twin.held),), "move the palm", path_length(path))
 
 
-def _reaches(bench: Workbench) -> Iterator[Candidate]:
+def _reaches(context: PlanningContext) -> Iterator[Candidate]:
     """Bring the palm just above or beside an object, from many sides."""
-    body = bench.objects[str(bench.subtask.target)]
-    held, phase = _carried(bench)
+    body = context.objects[str(context.subtask.target)]
+    held, phase = _carried(context)
     targets, pitches = [], []
     for pitch in REACH_PITCHES:
         for angle in np.arange(12) * np.pi / 6:
@@ -94,44 +94,44 @@ def _reaches(bench: Workbench) -> Iterator[Candidate]:
             rotation = tcp_frame(approach, np.array([-forward[1], forward[0], 0.0]))
             targets.append(pose(rotation, body.position - approach * (_exit_distance(body, -approach) + HOVER)))
             pitches.append(float(pitch))
-    owners, solutions = bench.solve(np.array(targets))
-    bench.counts["grasps"] += len(targets)
-    bench.counts["grasps_reachable"] += len(set(owners.tolist()))
-    width = bench.twin.gripper_width
-    for i in np.argsort([np.abs(q - bench.start_q).max() for q in solutions], kind="stable"):
+    owners, solutions = context.solve(np.array(targets))
+    context.counts["grasps"] += len(targets)
+    context.counts["grasps_reachable"] += len(set(owners.tolist()))
+    width = context.twin.gripper_width
+    for i in np.argsort([np.abs(q - context.start_q).max() for q in solutions], kind="stable"):
         q = solutions[i]
-        palm = bench.filter.tcp_pose(q)[:3, 3]
-        if not judge_term(bench.subtask.term, bench.objects, palm, bench.rest_palm).met:
+        palm = context.filter.tcp_pose(q)[:3, 3]
+        if not judge_term(context.subtask.term, context.objects, palm, context.rest_palm).met:
             continue
-        if not bench.filter.clear(q, phase, width, held):
+        if not context.filter.clear(q, phase, width, held):
             continue
-        bench.counts["grasps_free"] += 1
-        path = bench.way(bench.start_q, q, phase, width, held)
+        context.counts["grasps_free"] += 1
+        path = context.way(context.start_q, q, phase, width, held)
         if path is not None:
             text = f"reach at pitch {np.degrees(pitches[owners[i]]):.0f} deg"
-            yield Candidate((PathSegment("reach", path, held=bench.twin.held),), text, path_length(path))
+            yield Candidate((PathSegment("reach", path, held=context.twin.held),), text, path_length(path))
 
 
-def _lifts(bench: Workbench) -> Iterator[Candidate]:
+def _lifts(context: PlanningContext) -> Iterator[Candidate]:
     """Pick the subject up and keep it: as high as asked for, or at the rest position."""
-    subject, term = str(bench.subtask.subject), bench.subtask.term
-    ready = ready_grasps(bench)
+    subject, term = str(context.subtask.subject), context.subtask.term
+    ready = ready_grasps(context)
     for planner in (False, True):
         found = 0
         for grasp in ready[: PLANNED if planner else None]:
-            reach = reach_path(bench, grasp, planner)
+            reach = reach_path(context, grasp, planner)
             if reach is None:
                 continue
-            bench.counts["pairs"] += 1
+            context.counts["pairs"] += 1
             start = grasp.lift[-1]
-            if bench.subtask.manipulation == "bring":
-                up = bench.way(start, np.array(REST_Q), Phase.CARRY, grasp.width, grasp.held, planner)
+            if context.subtask.manipulation == "bring":
+                up = context.way(start, np.array(REST_Q), Phase.CARRY, grasp.width, grasp.held, planner)
             else:
-                up = _raise(bench, grasp, start, float(term.value or 0.0), planner)
+                up = _raise(context, grasp, start, float(term.value or 0.0), planner)
             if up is None:
                 continue
             found += 1
-            segments = pick_segments(bench, grasp, reach)
+            segments = pick_segments(context, grasp, reach)
             if len(up) > 1:
                 segments.append(PathSegment("carry", up, None, subject))
             if segments:
@@ -140,41 +140,43 @@ def _lifts(bench: Workbench) -> Iterator[Candidate]:
             return
 
 
-def _raise(bench: Workbench, grasp: ReadyGrasp, start: np.ndarray, height: float, planner: bool) -> np.ndarray | None:
+def _raise(
+    context: PlanningContext, grasp: ReadyGrasp, start: np.ndarray, height: float, planner: bool
+) -> np.ndarray | None:
     """From the lifted pose to one where the object's centre is at `height` [m]: straight up, or to a new posture."""
-    tcp = bench.filter.tcp_pose(start)
+    tcp = context.filter.tcp_pose(start)
     rise = height + 0.01 - float((tcp @ grasp.held.tcp_T_object)[2, 3])
     if rise <= 0:
         return start[None]
-    up, ok = bench.follow(start[None], [straight_targets(tcp, np.array([0.0, 0.0, rise]))])
+    up, ok = context.follow(start[None], [straight_targets(tcp, np.array([0.0, 0.0, rise]))])
     if ok[0]:
         path = np.vstack([start[None], up[0]])
-        if bench.filter.path_clear(path, Phase.CARRY, grasp.width, grasp.held):
+        if context.filter.path_clear(path, Phase.CARRY, grasp.width, grasp.held):
             return path
     targets = []
     for _ in range(24):
-        point = np.array([bench.rng.uniform(0.3, 0.6), bench.rng.uniform(-0.4, 0.4), tcp[2, 3] + rise])
+        point = np.array([context.rng.uniform(0.3, 0.6), context.rng.uniform(-0.4, 0.4), tcp[2, 3] + rise])
         swing = np.arctan2(point[1], point[0]) - np.arctan2(tcp[1, 3], tcp[0, 3])
         c, s = np.cos(swing), np.sin(swing)
         targets.append(pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ tcp[:3, :3], point))
-    _, solutions = bench.solve(np.array(targets))
+    _, solutions = context.solve(np.array(targets))
     for q in solutions:
-        if bench.filter.clear(q, Phase.CARRY, grasp.width, grasp.held):
-            path = bench.way(start, q, Phase.CARRY, grasp.width, grasp.held, planner)
+        if context.filter.clear(q, Phase.CARRY, grasp.width, grasp.held):
+            path = context.way(start, q, Phase.CARRY, grasp.width, grasp.held, planner)
             if path is not None:
                 return path
     return None
 
 
-def _drives(bench: Workbench) -> Iterator[Candidate]:
+def _drives(context: PlanningContext) -> Iterator[Candidate]:
     """Take a joint's handle along to where the joint should stand; halfway with a new hold where one does not do."""
-    joint = bench.twin.joint(str(bench.subtask.subject))
+    joint = context.twin.joint(str(context.subtask.subject))
     if joint is None:
         return
-    goal = joint.position(float(bench.subtask.term.value or 0.0))
-    holds = Holds(bench, joint, goal)
+    goal = joint.position(float(context.subtask.term.value or 0.0))
+    holds = Holds(context, joint, goal)
     found, shorter = False, []
-    for candidate in _driven(bench, joint.name, [holds.ready()]):
+    for candidate in _driven(context, joint.name, [holds.ready()]):
         found = True
         yield candidate
     # As far as one hold goes, or a little less.
@@ -186,17 +188,17 @@ def _drives(bench: Workbench) -> Iterator[Candidate]:
         if first:
             shorter.append(first)
             between = float(holds.stations[stations - 1])
-            second = Holds(bench, joint, goal, between, first[0].leave[-1]).ready()
-            for candidate in _driven(bench, joint.name, [first, second]):
+            second = Holds(context, joint, goal, between, first[0].leave[-1]).ready()
+            for candidate in _driven(context, joint.name, [first, second]):
                 found = True
                 yield candidate
     if not found:
-        free = (first for first in shorter if next(_driven(bench, joint.name, [first]), None) is not None)
+        free = (first for first in shorter if next(_driven(context, joint.name, [first]), None) is not None)
         ends = (joint.fraction(float(first[0].positions[-1])) for first in free)
-        bench.driven_to = next(ends, None)
+        context.driven_to = next(ends, None)
 
 
-def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:
+def _driven(context: PlanningContext, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:
     """Holds joined by free ways, one of each leg in turn; with RRT-connect only where nothing else is free."""
     for planner in (False, True):
         found = False
@@ -205,13 +207,13 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
         ranks = sorted(product(*(range(len(leg)) for leg in legs)), key=sum)
         for rank in islice((r for r in ranks if r[0] not in blocked), PLANNED if planner else JOINED):
             drives = [leg[i] for leg, i in zip(legs, rank, strict=True)]
-            bench.counts["pairs"] += 1
+            context.counts["pairs"] += 1
             segments: list[PathSegment] = []
             ends: dict[int, float] = {}
-            q, width, effort = bench.start_q, bench.twin.gripper_width, 0.0
+            q, width, effort = context.start_q, context.twin.gripper_width, 0.0
             for drive in drives:
                 at = JointAt(float(drive.positions[0]))
-                reach = bench.way(q, drive.arrive[0], Phase.FREE, max(width, drive.opening), at, planner)
+                reach = context.way(q, drive.arrive[0], Phase.FREE, max(width, drive.opening), at, planner)
                 if reach is None:
                     if drive is drives[0]:
                         blocked.add(rank[0])
@@ -222,7 +224,7 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
                 effort += path_length(reach) + path_length(drive.along)
             else:
                 at = JointAt(float(drives[-1].positions[-1]))
-                home = bench.way(q, np.array(REST_Q), Phase.FREE, width, at, planner)
+                home = context.way(q, np.array(REST_Q), Phase.FREE, width, at, planner)
                 if home is not None:
                     found = True
                     text = ", then ".join(d.text for d in drives)
@@ -232,28 +234,28 @@ def _driven(bench: Workbench, joint: str, legs: list[list[ReadyDrive]]) -> Itera
             return
 
 
-def _placings(bench: Workbench) -> Iterator[Candidate]:
+def _placings(context: PlanningContext) -> Iterator[Candidate]:
     """Pick the subject and put it down: free grasps x free places x free ways, cheapest pairs first."""
-    ready = diverse(ready_grasps(bench), READY_GRASPS)
+    ready = diverse(ready_grasps(context), READY_GRASPS)
     if not ready:
         return
-    places = offered_places(bench, ready)
-    bench.counts["places"] += len(places)
+    places = offered_places(context, ready)
+    context.counts["places"] += len(places)
     reaches: dict[int, np.ndarray | None] = {}
     pairs: list[tuple[int, ReadyPlace]] = []
     found = 0
     for first in range(0, len(places), GROUP):
-        fresh = ready_pairs(bench, ready, places[first : first + GROUP])
+        fresh = ready_pairs(context, ready, places[first : first + GROUP])
         pairs += fresh
         for i, place in _taking_turns(fresh):
-            candidate = _join(bench, ready[i], place, reaches, i, planner=False)
+            candidate = _join(context, ready[i], place, reaches, i, planner=False)
             if candidate is not None:
                 found += 1
                 yield candidate
     if not found:
         reaches = {}
         for i, place in pairs[:PLANNED]:
-            candidate = _join(bench, ready[i], place, reaches, i, planner=True)
+            candidate = _join(context, ready[i], place, reaches, i, planner=True)
             if candidate is not None:
                 yield candidate
 
@@ -270,7 +272,7 @@ def _taking_turns(pairs: list[tuple[int, ReadyPlace]]) -> list[tuple[int, ReadyP
 
 
 def _join(
-    bench: Workbench,
+    context: PlanningContext,
     grasp: ReadyGrasp,
     place: ReadyPlace,
     reaches: dict[int, np.ndarray | None],
@@ -278,24 +280,24 @@ def _join(
     planner: bool,
 ) -> Candidate | None:
     """Connect start, grasp, place and rest; None when a way is obstructed."""
-    bench.counts["pairs"] += 1
+    context.counts["pairs"] += 1
     if index not in reaches:
-        reaches[index] = reach_path(bench, grasp, planner)
+        reaches[index] = reach_path(context, grasp, planner)
     reach = reaches[index]
     if reach is None:
         return None
-    carry = bench.way(grasp.lift[-1], place.lower[0], Phase.CARRY, grasp.width, grasp.held, planner)
+    carry = context.way(grasp.lift[-1], place.lower[0], Phase.CARRY, grasp.width, grasp.held, planner)
     if carry is None:
         return None
     at = place.placement.world_T_object
-    home = bench.way(place.leave[-1], np.array(REST_Q), Phase.FREE, place.opening, at, planner)
+    home = context.way(place.leave[-1], np.array(REST_Q), Phase.FREE, place.opening, at, planner)
     if home is None:
         return None
-    subject = str(bench.subtask.subject)
-    carrier = str(bench.subtask.target) if bench.subtask.manipulation == "place" else TABLE_BODY
+    subject = str(context.subtask.subject)
+    carrier = str(context.subtask.target) if context.subtask.manipulation == "place" else TABLE_BODY
     release = GripperCommand("move", place.opening)
     segments = [
-        *pick_segments(bench, grasp, reach),
+        *pick_segments(context, grasp, reach),
         PathSegment("carry", carry, None, subject),
         PathSegment("lower", place.lower, release, subject, ((subject, carrier),), SLOW),
         PathSegment("retreat", place.leave, None, None, ((subject, carrier), (subject, FINGERS)), MEDIUM),
@@ -305,12 +307,12 @@ def _join(
     return Candidate(tuple(segments), f"pick ({grasp.text}), put {place.placement.text}", effort)
 
 
-def _carried(bench: Workbench) -> tuple[Held | None, Phase]:
+def _carried(context: PlanningContext) -> tuple[Held | None, Phase]:
     """What the hand holds at the start, for motions of the palm alone."""
-    name = bench.twin.held
+    name = context.twin.held
     if name is None:
         return None, Phase.FREE
-    return Held(np.linalg.inv(bench.filter.tcp_pose(bench.start_q)) @ bench.objects[name].pose), Phase.CARRY
+    return Held(np.linalg.inv(context.filter.tcp_pose(context.start_q)) @ context.objects[name].pose), Phase.CARRY
 
 
 def _exit_distance(body: PosedObject, direction: np.ndarray) -> float:

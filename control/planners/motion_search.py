@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from control.path_planning.collision_filter import Phase
-from control.path_planning.planning_context import Workbench, path_length
+from control.path_planning.planning_context import PlanningContext, path_length
 from control.planners.candidate_search import Search, Tried
 from control.planners.candidates import candidates
 from control.planners.early_refusals import start_contact, too_high
@@ -29,7 +29,7 @@ from control.tasks.failure import FailureCause
 from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardSpec
 from control.tasks.subtasks import Subtask, read_subtask
-from control.tasks.term_conflicts import refuse_contradictions
+from control.tasks.term_conflicts import refuse_term_conflicts
 from control.trajectory.samples import JointPath, PathSegment
 from control.twin_model import TwinModel
 
@@ -69,7 +69,7 @@ def plan_motion(
     Raises:
         RewardSpecError: Two terms exclude each other.
     """
-    refuse_contradictions(spec, twin)
+    refuse_term_conflicts(spec, twin)
     arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)
     around = Surroundings(safety, limits or panda_limits(), rng, arm, max_rollouts, nthread, observe)
     stages = stages_of(spec, twin)
@@ -89,14 +89,14 @@ def plan_one(
     refused = hindrance(twin, spec, task, safety) or closed(twin, task) or too_high(twin, task, arm)
     if refused is not None:
         return refused
-    bench = Workbench(twin, task, safety, around.limits, arm, around.rng, spec)
-    palm = bench.filter.tcp_pose(bench.start_q)[:3, 3]
+    context = PlanningContext(twin, task, safety, around.limits, arm, around.rng, spec)
+    palm = context.filter.tcp_pose(context.start_q)[:3, 3]
     judged = judge_term(
-        spec.primary, bench.objects, palm, bench.rest_palm, None, twin.support_height, twin.joint_fractions()
+        spec.primary, context.objects, palm, context.rest_palm, None, twin.support_height, twin.joint_fractions()
     )
     if judged.met and twin.held is None and not task.holds:
-        return _already_done(bench, task, judged.text, began)
-    search = Search(bench, spec, candidates(bench), around.max_rollouts, around.nthread, around.observe)
+        return _already_done(context, task, judged.text, began)
+    search = Search(context, spec, candidates(context), around.max_rollouts, around.nthread, around.observe)
     search.try_until()
     if search.tried and not search.good():
         follow(search, search.ranked()[0])
@@ -108,7 +108,7 @@ def plan_one(
         good = search.most_robust(variants) if variants else search.good()
     stats = MotionStats(search.steps, time.perf_counter() - began, _counts(search))
     if not good:
-        return start_contact(twin) or lost(bench, [t.score for t in search.ranked()], stats)
+        return start_contact(twin) or lost(context, [t.score for t in search.ranked()], stats)
     return _plan(good, stats)
 
 
@@ -124,12 +124,12 @@ def _plan(good: list[Tried], stats: MotionStats) -> MotionPlan:
     )
 
 
-def _already_done(bench: Workbench, task: Subtask, text: str, began: float) -> MotionPlan | FailureCause:
+def _already_done(context: PlanningContext, task: Subtask, text: str, began: float) -> MotionPlan | FailureCause:
     """Nothing to do but to come to rest (or to stay, where the palm itself is the point)."""
     stays = task.manipulation in ("reach", "retreat")
-    end = bench.start_q if stays else np.array(REST_Q)
-    path = bench.way(bench.start_q, end, Phase.FREE, bench.twin.gripper_width, None, planner=True)
-    stats = MotionStats(0, time.perf_counter() - began, dict(bench.counts))
+    end = context.start_q if stays else np.array(REST_Q)
+    path = context.way(context.start_q, end, Phase.FREE, context.twin.gripper_width, None, planner=True)
+    stats = MotionStats(0, time.perf_counter() - began, dict(context.counts))
     if path is None:
         return FailureCause("no_candidate", task.subject or "palm", "no free way back to the rest position")
     name = "reach" if stays else "home"
@@ -138,8 +138,8 @@ def _already_done(bench: Workbench, task: Subtask, text: str, began: float) -> M
 
 def _counts(search: Search) -> dict[str, int]:
     return {
-        **search.bench.counts,
-        "configurations_checked": search.bench.filter.checks,
+        **search.context.counts,
+        "configurations_checked": search.context.filter.checks,
         "rollouts": len(search.tried),
         "successes": sum(t.score.success for t in search.tried),
         "clean": len(search.good()),

@@ -24,7 +24,7 @@ import numpy as np
 from control.grasping.articulated_objects import continued_drives
 from control.grasping.picking import MEDIUM, SLOW
 from control.path_planning.collision_filter import JointAt, Phase
-from control.path_planning.planning_context import Workbench, path_length
+from control.path_planning.planning_context import PlanningContext, path_length
 from control.planners.candidate_search import Search, Tried
 from control.planners.candidates import Candidate, candidates
 from control.robot.limits import REST_Q
@@ -69,34 +69,34 @@ def follow(search: Search, tried: Tried) -> Tried:
     """
     done = -1  # stops up to this one were met as planned or planned anew from
     for _ in range(MOST_REPLANS):
-        departure = first_departure(search.bench, tried, done)
+        departure = first_departure(search.context, tried, done)
         if departure is None:
             return tried
-        search.bench.counts["departures"] += 1
+        search.context.counts["departures"] += 1
         done = departure.segment
-        fresh = list(islice(_planned_anew(search.bench, tried, departure), FRESH))
+        fresh = list(islice(_planned_anew(search.context, tried, departure), FRESH))
         if not fresh:
             continue
-        search.bench.counts["replanned"] += len(fresh)
+        search.context.counts["replanned"] += len(fresh)
         again = search.simulate(fresh)
         search.tried += again
-        tried = min((tried, *again), key=lambda t: _rank(search.bench, t, done - 1))
+        tried = min((tried, *again), key=lambda t: _rank(search.context, t, done - 1))
     return tried
 
 
-def _rank(bench: Workbench, tried: Tried, after: int) -> tuple[bool, bool, bool, float]:
+def _rank(context: PlanningContext, tried: Tried, after: int) -> tuple[bool, bool, bool, float]:
     """Sorts best first: success, then clean, then whether it goes as it predicts from a stop on, then cost."""
     failed, unclean, cost = tried.score.rank
-    return failed, unclean, first_departure(bench, tried, after) is not None, cost
+    return failed, unclean, first_departure(context, tried, after) is not None, cost
 
 
-def first_departure(bench: Workbench, tried: Tried, after: int = -1) -> Departure | None:
+def first_departure(context: PlanningContext, tried: Tried, after: int = -1) -> Departure | None:
     """The first stop, after segment `after`, at which the twin is not where the candidate predicts."""
-    candidate, rollout, task = tried.candidate, tried.rollout, bench.subtask
+    candidate, rollout, task = tried.candidate, tried.rollout, context.subtask
     if rollout.exploded:
         return None
-    joint = bench.twin.joint(str(task.subject)) if task.manipulation == "drive" else None
-    address = None if joint is None else int(bench.twin.model.joint(joint.name).qposadr[0])
+    joint = context.twin.joint(str(task.subject)) if task.manipulation == "drive" else None
+    address = None if joint is None else int(context.twin.model.joint(joint.name).qposadr[0])
     held: np.ndarray | None = None  # pose of the object in the hand's frame when it was lifted
     for i, (segment, (arrived, rested)) in enumerate(zip(candidate.segments, rollout.commands.stops, strict=True)):
         row = arrived if segment.held or i in candidate.joint_ends else rested
@@ -105,10 +105,10 @@ def first_departure(bench: Workbench, tried: Tried, after: int = -1) -> Departur
             off = float(rollout.qpos[row, address]) - expected
             if abs(off) > LAGS * abs(joint.opened - joint.closed):
                 text = f"{joint.name} is {joint.fraction(off + expected):.0%} open, not {joint.fraction(expected):.0%}"
-                taken = _at_handle(bench.twin, rollout.qpos[row], joint)
+                taken = _at_handle(context.twin, rollout.qpos[row], joint)
                 return Departure(i, row if taken else rested, taken, text)
         if segment.held is not None:
-            tool, thing = _poses(bench.twin, rollout.qpos[row], segment.held)
+            tool, thing = _poses(context.twin, rollout.qpos[row], segment.held)
             now = np.linalg.inv(tool) @ thing
             if held is None:
                 held = now
@@ -120,32 +120,34 @@ def first_departure(bench: Workbench, tried: Tried, after: int = -1) -> Departur
     return Departure(last, len(rollout.qpos) - 1, False, f"{task.subject} is not where it was put")
 
 
-def _planned_anew(bench: Workbench, tried: Tried, departure: Departure) -> Iterator[Candidate]:
+def _planned_anew(context: PlanningContext, tried: Tried, departure: Departure) -> Iterator[Candidate]:
     """What was done so far, each with another rest of the motion."""
     segments = tried.candidate.segments[: departure.segment + 1]
-    twin = twin_at(bench.twin, tried, departure)
+    twin = twin_at(context.twin, tried, departure)
     if departure.at_handle:
-        opened = segments[-1].gripper or GripperCommand("move", bench.twin.gripper.opening)
+        opened = segments[-1].gripper or GripperCommand("move", context.twin.gripper.opening)
         segments = (*segments[:-1], replace(segments[-1], gripper=None))
     elif twin.held is not None and segments[-1].gripper is not None:
         segments = (*segments[:-1], replace(segments[-1], gripper=None))
-    here = Workbench(twin, bench.subtask, bench.safety, bench.limits, bench.arm, bench.rng, bench.spec)
+    here = PlanningContext(
+        twin, context.subtask, context.safety, context.limits, context.arm, context.rng, context.spec
+    )
     rest = _driven_on(here, opened) if departure.at_handle else candidates(here)
     for more in rest:
         ends = {k: v for k, v in tried.candidate.joint_ends.items() if k < departure.segment}
         ends |= {k + len(segments): v for k, v in more.joint_ends.items()}
         text = f"{tried.candidate.description}; as {departure.text}: {more.description}"
         yield Candidate((*segments, *more.segments), text, tried.candidate.preference + more.preference, ends)
-    bench.filter.checks += here.filter.checks
+    context.filter.checks += here.filter.checks
 
 
-def _driven_on(bench: Workbench, opened: GripperCommand) -> Iterator[Candidate]:
+def _driven_on(context: PlanningContext, opened: GripperCommand) -> Iterator[Candidate]:
     """Take the handle on to where the joint should stand, let go and go home."""
-    joint = bench.twin.joint(str(bench.subtask.subject))
+    joint = context.twin.joint(str(context.subtask.subject))
     assert joint is not None
-    goal = joint.position(float(bench.subtask.term.value or 0.0))
-    for drive in continued_drives(bench, joint, goal, opened.width):
-        home = bench.way(drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(goal), planner=True)
+    goal = joint.position(float(context.subtask.term.value or 0.0))
+    for drive in continued_drives(context, joint, goal, opened.width):
+        home = context.way(drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(goal), planner=True)
         if home is None:
             continue
         touching = ((joint.name, FINGERS),)

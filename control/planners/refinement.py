@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from control.path_planning.collision_filter import Phase
-from control.path_planning.planning_context import Workbench
+from control.path_planning.planning_context import PlanningContext
 from control.planners.candidates import Candidate
 from control.trajectory.samples import PathSegment
 
@@ -15,13 +15,13 @@ GRASPED = ("approach", "lift", "drive")
 PLACED = ("lower", "retreat")
 
 
-def vary(bench: Workbench, elite: list[Candidate], count: int) -> list[Candidate]:
+def vary(context: PlanningContext, elite: list[Candidate], count: int) -> list[Candidate]:
     """Up to `count` variants of the best candidates, which keep to the geometric filter.
 
     Grasp and release move together by one shift each, in the frame of the world; segments between them follow.
 
     Args:
-        bench: Surroundings of the search.
+        context: Surroundings of the search.
         elite: Candidates to vary, best first.
         count: Most variants to return.
     """
@@ -29,14 +29,14 @@ def vary(bench: Workbench, elite: list[Candidate], count: int) -> list[Candidate
     for attempt in range(2 * count):
         if len(out) >= count or not elite:
             break
-        variant = _variant(bench, elite[attempt % len(elite)])
+        variant = _variant(context, elite[attempt % len(elite)])
         if variant is not None:
             out.append(variant)
     return out
 
 
-def _variant(bench: Workbench, candidate: Candidate) -> Candidate | None:
-    grasp_shift, place_shift = bench.rng.normal(0, SHIFT, 3), bench.rng.normal(0, SHIFT, 3)
+def _variant(context: PlanningContext, candidate: Candidate) -> Candidate | None:
+    grasp_shift, place_shift = context.rng.normal(0, SHIFT, 3), context.rng.normal(0, SHIFT, 3)
     if any(s.name == "drive" for s in candidate.segments):  # what is let go is where the handle is
         place_shift = grasp_shift
     segments: list[PathSegment] = []
@@ -46,14 +46,14 @@ def _variant(bench: Workbench, candidate: Candidate) -> Candidate | None:
         if shift is None:
             segments.append(segment)
             continue
-        targets = np.stack([bench.filter.tcp_pose(q) for q in segment.q])
+        targets = np.stack([context.filter.tcp_pose(q) for q in segment.q])
         targets[:, :3, 3] += shift
-        rows, q = bench.solve_from(targets, segment.q)
+        rows, q = context.solve_from(targets, segment.q)
         if len(rows) != len(targets):
             return None
-        width = bench.twin.gripper_width if segment.gripper is None else segment.gripper.width
-        if segment.name == "approach" and not bench.filter.path_clear(
-            q, Phase.GRASP, max(width, bench.twin.gripper_width)
+        width = context.twin.gripper_width if segment.gripper is None else segment.gripper.width
+        if segment.name == "approach" and not context.filter.path_clear(
+            q, Phase.GRASP, max(width, context.twin.gripper_width)
         ):
             return None
         segments.append(replace(segment, q=q))

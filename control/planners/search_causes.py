@@ -3,7 +3,7 @@
 import numpy as np
 
 from control.grasping.grasps import graspable_width
-from control.path_planning.planning_context import Workbench
+from control.path_planning.planning_context import PlanningContext
 from control.planners.result import MotionStats
 from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
@@ -67,21 +67,21 @@ def closed(twin: TwinModel, task: Subtask) -> FailureCause | None:
     )
 
 
-def lost(bench: Workbench, scores: list[Score], stats: MotionStats) -> FailureCause:
+def lost(context: PlanningContext, scores: list[Score], stats: MotionStats) -> FailureCause:
     """Say at which stage the last candidates were lost.
 
     Args:
-        bench: With its counts.
+        context: With its counts.
         scores: Of all candidates that were simulated, best first.
         stats: What the search spent.
     """
-    task, counts = bench.subtask, stats.counts
-    subject = task.subject or (str(task.target) if task.target in bench.objects else PALM)
+    task, counts = context.subtask, stats.counts
+    subject = task.subject or (str(task.target) if task.target in context.objects else PALM)
     evidence = {
         "counts": counts,
         "steps": stats.steps,
         "seconds": stats.seconds,
-        "too_close_to": dict(bench.filter.rejected_by.most_common(6)),
+        "too_close_to": dict(context.filter.rejected_by.most_common(6)),
     }
     if scores and scores[0].success:
         broken = [c for c in scores[0].checks if not c.ok]
@@ -102,29 +102,29 @@ def lost(bench: Workbench, scores: list[Score], stats: MotionStats) -> FailureCa
             f"none of {len(scores)} simulated motions reaches the goal; the best ends with: {_short_of(scores[0])}",
             evidence=evidence,
         )
-    if bench.driven_to is not None:
-        evidence["driven_to"] = bench.driven_to
-    return FailureCause("no_candidate", subject, _lost_at(bench, subject), evidence=evidence)
+    if context.driven_to is not None:
+        evidence["driven_to"] = context.driven_to
+    return FailureCause("no_candidate", subject, _lost_at(context, subject), evidence=evidence)
 
 
 def _short_of(score: Score) -> str:
     return "; ".join(j.text for j in (score.judgement, *score.unmet) if not j.met)
 
 
-def _lost_at(bench: Workbench, subject: str) -> str:
+def _lost_at(context: PlanningContext, subject: str) -> str:
     """One sentence about the stage at which no candidate was left."""
-    counts, task = bench.counts, bench.subtask
+    counts, task = context.counts, context.subtask
     blamed = [
         n
-        for n, _ in bench.filter.rejected_by.most_common()
-        if (n in bench.objects or bench.twin.joint(n)) and n != subject
+        for n, _ in context.filter.rejected_by.most_common()
+        if (n in context.objects or context.twin.joint(n)) and n != subject
     ]
     near = ", ".join(f"'{n}'" for n in blamed[:2]) or "other things"
     target = f"'{task.target}'" if task.target else "its place"
     if task.manipulation in ("rest", "retreat") and not counts["ends"]:
         return "no posture that was tried takes the palm as far as the goal asks"
     if counts["grasps"] and not counts["grasps_reachable"]:
-        distance = float(np.linalg.norm(bench.objects[subject].position[:2])) if subject in bench.objects else 0.0
+        distance = float(np.linalg.norm(context.objects[subject].position[:2])) if subject in context.objects else 0.0
         return (
             f"'{subject}' is out of reach: it is {distance:.2f} m away from the base, and the arm reaches none of "
             f"{counts['grasps']} ways to take it"
@@ -136,9 +136,9 @@ def _lost_at(bench: Workbench, subject: str) -> str:
         )
     if task.manipulation == "lift" and counts["pairs"]:
         return f"'{subject}' can be taken, but from none of {counts['pairs']} holds raised to {task.term.value:.2f} m"
-    if bench.driven_to is not None:
+    if context.driven_to is not None:
         return (
-            f"{subject} can be driven to {bench.driven_to:.0%} at most: no hold of its handle, nor two one after the "
+            f"{subject} can be driven to {context.driven_to:.0%} at most: no hold of its handle, nor two one after the "
             "other, takes it further; ask for less"
         )
     if task.manipulation == "drive":

@@ -28,7 +28,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from control.retiming.bounds import MotionBounds
-from control.retiming.initial_guess import StartLaw
+from control.retiming.initial_guess import InitialGuess
 from control.retiming.path_smoothing import SmoothPath
 from control.robot.dynamics import RobotModel
 
@@ -152,7 +152,9 @@ class RowBlock:
         )
 
 
-def row_blocks(path: SmoothPath, start: StartLaw, robot: RobotModel, bounds: MotionBounds) -> tuple[RowBlock, RowBlock]:
+def row_blocks(
+    path: SmoothPath, start: InitialGuess, robot: RobotModel, bounds: MotionBounds
+) -> tuple[RowBlock, RowBlock]:
     """All rows along a start law.
 
     Returns:

@@ -12,7 +12,7 @@ GRADUAL = 3.0  # cells over which their length is averaged
 
 
 @dataclass(frozen=True)
-class StartLaw:
+class InitialGuess:
     """Progress s(p) along a path for 0 <= p <= n cells, a cubic spline that rests at both ends.
 
     Its coefficients are samples of a time law: such a spline is monotonic when they are (Marsden and Schoenberg,
@@ -72,7 +72,7 @@ def cell_times(
     return np.concatenate([[0.0], np.cumsum(lengths)]) * (duration / np.sum(lengths))
 
 
-def start_law(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> tuple[StartLaw, np.ndarray]:
+def start_law(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> tuple[InitialGuess, np.ndarray]:
     """Make a start law of a time law.
 
     Args:
@@ -96,7 +96,7 @@ def start_law(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -
     )  # of the cell after each coefficient, the first left out
     first, last = _moving(coefficients), len(coefficients) - 1 - _moving(s[-1] + s[0] - coefficients[::-1])
     kept = np.concatenate([[s[0]] * 3, coefficients[first : last + 1], [s[-1]] * 3])
-    return StartLaw(kept, even), pace[first - 3 : last + 3]
+    return InitialGuess(kept, even), pace[first - 3 : last + 3]
 
 
 def _moving(coefficients: np.ndarray) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from control.retiming.constraints import RowBlock
-from control.retiming.initial_guess import StartLaw
+from control.retiming.initial_guess import InitialGuess
 
 ITERATIONS = 40
 CLOSE = 2e-3  # duality gap relative to the duration that ends the iteration
@@ -252,7 +252,7 @@ class Warp:
         beta: Coefficients of b = p'^2, a quadratic spline on its cells, positive, shape (n + 2,).
     """
 
-    start: StartLaw
+    start: InitialGuess
     beta: np.ndarray
 
     @cached_property

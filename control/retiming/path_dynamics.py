@@ -5,7 +5,7 @@ import numpy as np
 from control.errors import RetimingError
 from control.retiming.bounds import MotionBounds
 from control.retiming.path_smoothing import SmoothPath
-from control.retiming.toppra_profile import LARGE_SPEED, PathBounds, TimeLaw, fastest_time_law
+from control.retiming.toppra_profile import LARGE_SPEED, PathBounds, ToppraProfile, fastest_profile
 from control.robot.dynamics import RobotModel
 
 # Directions in which the hand's acceleration is bounded, instead of all: none is more than 2 % off.
@@ -57,7 +57,7 @@ class PathDynamics:
                 "towards it at all. Take a path that stays further away"
             )
 
-    def fastest_law(self) -> TimeLaw:
+    def fastest_law(self) -> ToppraProfile:
         """The fastest time law on the grid with jerk and torque rate unbounded.
 
         Raises:
@@ -76,7 +76,7 @@ class PathDynamics:
             b.append(bend)
             low.append(np.full_like(along, -most))
             high.append(np.full_like(along, most))
-        return fastest_time_law(
+        return fastest_profile(
             PathBounds(
                 s=self.s,
                 a=np.concatenate(a, axis=1),

@@ -23,12 +23,12 @@ from scipy.ndimage import binary_dilation, maximum_filter1d
 from control.errors import RetimingError
 from control.retiming.bounds import MotionBounds
 from control.retiming.constraints import AT_NODES, IN_CELLS, RowBlock, row_blocks
-from control.retiming.initial_guess import StartLaw, cell_times, start_law
+from control.retiming.initial_guess import InitialGuess, cell_times, start_law
 from control.retiming.interior_point import CLOSE, Warp, fastest_pace, room
 from control.retiming.limit_utilisation import ORDER, PADDING, sampled_shares
 from control.retiming.path_dynamics import PathDynamics
 from control.retiming.path_smoothing import SmoothPath, smooth_path
-from control.retiming.toppra_profile import TimeLaw
+from control.retiming.toppra_profile import ToppraProfile
 from control.robot.dynamics import RobotModel
 from control.robot.limits import RobotLimits
 from control.safety.limits import SafetyLimits
@@ -220,7 +220,7 @@ class _PaceSearch:
         self._path, self._robot, self._bounds = path, robot, bounds
         self._blocks: tuple[RowBlock, ...] = ()
 
-    def first(self, law: TimeLaw) -> Warp:
+    def first(self, law: ToppraProfile) -> Warp:
         """The fastest warp, in two rounds.
 
         Raises:
@@ -255,7 +255,7 @@ class _PaceSearch:
         """The blocks with some groups only, without those of which none is kept."""
         return [block.kept(groups) for block, groups in zip(self._blocks, keep, strict=True) if np.any(groups)]
 
-    def _slowed(self, start: StartLaw, beta: np.ndarray) -> np.ndarray:
+    def _slowed(self, start: InitialGuess, beta: np.ndarray) -> np.ndarray:
         """A pace slowed down until it is within all limits."""
         slowest = beta / MAX_STRETCH**2
         rest = room(self._blocks[:1], 1e-12 * beta)  # what gravity takes
@@ -266,7 +266,7 @@ class _PaceSearch:
                 raise RetimingError(self._hopeless(start, beta))
         return beta
 
-    def _hopeless(self, start: StartLaw, beta: np.ndarray) -> str:
+    def _hopeless(self, start: InitialGuess, beta: np.ndarray) -> str:
         """Which limit is broken at a pace so slow that no pace would do, and where."""
         worst, name, cell = 0.0, "", 0
         for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS), strict=True):

@@ -45,7 +45,7 @@ class PathBounds:
 
 
 @dataclass(frozen=True)
-class TimeLaw:
+class ToppraProfile:
     """Progress along a path from rest to rest; s'' is constant within each grid interval.
 
     Attributes:
@@ -72,7 +72,7 @@ class TimeLaw:
         return np.minimum(self.s[k] + self.speed[k] * within + 0.5 * acceleration * within**2, self.s[-1])
 
 
-def fastest_time_law(bounds: PathBounds) -> TimeLaw:
+def fastest_profile(bounds: PathBounds) -> ToppraProfile:
     """The time-optimal law on the grid; see the module's description.
 
     Raises:
@@ -119,4 +119,4 @@ def fastest_time_law(bounds: PathBounds) -> TimeLaw:
     speed = speed * np.sqrt(top)
     mean = (speed[1:] + speed[:-1]) / 2
     t = np.concatenate([[0.0], np.cumsum(np.diff(bounds.s) / np.maximum(mean, SMALL))])
-    return TimeLaw(bounds.s, t, speed)
+    return ToppraProfile(bounds.s, t, speed)

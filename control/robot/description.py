@@ -8,7 +8,7 @@ import numpy as np
 
 from control.errors import ConfigError
 from control.robot.description_files import panda_urdf
-from control.robot.gripper import HAND_TURN, GripperModel, Mounting, RigidPart
+from control.robot.gripper import HAND_TURN, GripperModel, GripperMounting, RigidPart
 
 FLANGE_FRAME = "panda_link8"
 HAND_FRAME = "panda_hand"
@@ -60,7 +60,7 @@ def without_hand(path: Path) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _mounted(path: Path, mounting: Mounting, finger_width: float) -> Any:
+def _mounted(path: Path, mounting: GripperMounting, finger_width: float) -> Any:
     import pinocchio  # pyright: ignore[reportMissingImports]
 
     model = pinocchio.buildModelFromXML(without_hand(path))

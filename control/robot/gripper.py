@@ -39,7 +39,7 @@ class RigidPart:
 
 
 @dataclass(frozen=True)
-class Mounting:
+class GripperMounting:
     """What takes the place of the hand in the robot's description.
 
     Attributes:
@@ -81,7 +81,7 @@ class GripperModel:
     pad_force: float
     least_force: float
     most_force: float
-    mounting: Mounting | None = None
+    mounting: GripperMounting | None = None
 
     def widest(self, clearance: float) -> float:
         """Widest object in [m] that open fingers go around with a clearance in [m] on either side."""
@@ -151,7 +151,7 @@ ROBOTIQ_2F85 = GripperModel(
     pad_force=40.0,
     least_force=20.0,
     most_force=235.0,
-    mounting=Mounting(
+    mounting=GripperMounting(
         tcp=ROBOTIQ_TIP - _REACH,
         # 925 g shared out as in public models of it (0.06 kg of links and pads a side). Inertia of boxes of the parts'
         # sizes and of even density, a little more than that of the real ones, whose motor sits in the middle.

@@ -9,7 +9,7 @@ import numpy as np
 
 from control.robot.limits import REST_Q, panda_limits
 from control.simulation.batches import Observer, SimulatedBatch, simulate
-from control.simulation.executed_motion import Piece, contact_at, geom_names
+from control.simulation.executed_motion import MotionPiece, contact_at, geom_names
 from control.simulation.rollouts import Commands, commands_for, controls_for, roll_out
 from control.tasks.predicates import TermJudgement, judge_term
 from control.tasks.reward_spec import RewardSpec
@@ -41,7 +41,7 @@ class ClosedLoop:
         self.closed = twin.held is not None or twin.gripper_width < twin.gripper.opening / 4
         self.opening = twin.gripper.opening if self.closed else twin.gripper_width
         self.finger_target = 0.0 if twin.held else twin.gripper_width / 2
-        self.pieces: list[Piece] = []
+        self.pieces: list[MotionPiece] = []
         self.steps, self.time = 0, 0.0
         self.finished = False
         self.at_start = self.nearest = self.judge()
@@ -73,7 +73,7 @@ class ClosedLoop:
         self.data.qpos[:], self.data.qvel[:], self.data.ctrl[:] = self.qpos, self.qvel, controls[0, -1]
         mujoco.mj_forward(self.twin.model, self.data)
         width = 2 * record["qpos"][0, :, self._finger]
-        self.pieces.append(Piece(commands.arm, closed, width, contact_at(self.twin, self.data, self._names)))
+        self.pieces.append(MotionPiece(commands.arm, closed, width, contact_at(self.twin, self.data, self._names)))
         judged = self.judge()
         if judged.residual < self.nearest.residual:
             self.nearest, self.nearest_at = judged, self.time

@@ -37,7 +37,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Piece:
+class MotionPiece:
     """Some steps of a motion between two looks at the state.
 
     Attributes:
@@ -75,7 +75,7 @@ def geom_names(twin: TwinModel) -> list[str]:
     return contact_names(twin.model, frozenset(o.name for o in twin.objects) | {j.body for j in twin.joints})
 
 
-def joint_path(twin: TwinModel, pieces: Sequence[Piece], opening: float) -> JointPath:
+def joint_path(twin: TwinModel, pieces: Sequence[MotionPiece], opening: float) -> JointPath:
     """The path of an executed motion.
 
     Args:
@@ -130,7 +130,7 @@ def _gripper_events(closed: np.ndarray, width: np.ndarray, opening: float, dt: f
     return out
 
 
-def _contact_changes(pieces: Sequence[Piece]) -> list[int]:
+def _contact_changes(pieces: Sequence[MotionPiece]) -> list[int]:
     """Rows at which a carried object began or ceased to touch other things."""
     rows, end = [], 0
     for piece, following in pairwise(pieces):

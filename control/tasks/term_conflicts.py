@@ -39,7 +39,7 @@ from control.twin_model import TwinModel
 _NEAR, _FAR = "minimize_l2_distance", "maximize_l2_distance"
 
 
-def refuse_contradictions(spec: RewardSpec, twin: TwinModel | None = None) -> None:
+def refuse_term_conflicts(spec: RewardSpec, twin: TwinModel | None = None) -> None:
     """Raise when two terms of a spec cannot both be met.
 
     Args:

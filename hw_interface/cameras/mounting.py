@@ -21,7 +21,7 @@ NEAR = 0.05  # [s] from a picture's stamp to the state before and to that after 
 PATIENCE = 0.2  # [s] for the state after a picture's stamp
 
 
-class Mounting(Protocol):
+class CameraMounting(Protocol):
     """Where a camera is."""
 
     def pose(self, stamp: float) -> np.ndarray:
@@ -47,7 +47,7 @@ class FixedMounting:
         self._pose = world_T_camera
 
     def pose(self, stamp: float) -> np.ndarray:
-        """As in `Mounting`."""
+        """As in `CameraMounting`."""
         return self._pose
 
 
@@ -126,7 +126,7 @@ class WristMounting:
         self._reader = StateReader(session, self._on_state)
 
     def pose(self, stamp: float) -> np.ndarray:
-        """As in `Mounting`."""
+        """As in `CameraMounting`."""
         return self._world_T_base @ self._robot.tcp_pose(self.states.at(stamp)) @ self._hand_T_camera
 
     def _on_state(self, state: RobotState) -> None:

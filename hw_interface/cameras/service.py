@@ -9,7 +9,7 @@ import zenoh
 
 from control.errors import RobotGoneError
 from hw_interface.cameras.capture import DEFAULT_MAX_AGE, Capture, OnRequest
-from hw_interface.cameras.mounting import Mounting
+from hw_interface.cameras.mounting import CameraMounting
 from hw_interface.cameras.node import CameraNode
 from hw_interface.cameras.offers import this_owner
 from hw_interface.cameras.source import CameraFailedError, CameraSource
@@ -43,7 +43,7 @@ class CameraService:
         session: zenoh.Session,
         camera: str,
         source: CameraSource,
-        mounting: Mounting | None,
+        mounting: CameraMounting | None,
         max_age: float = DEFAULT_MAX_AGE,
         on_request: bool = False,
     ) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from control.errors import MachineError, RefusedError, StackError
 from hw_interface.cell.audit_log import AuditLog
-from hw_interface.cell.robot_state_machine import LatchedRobot
+from hw_interface.cell.robot_state_machine import RobotStateMachine
 
 
 class Audit:
@@ -17,7 +17,7 @@ class Audit:
         log: Where to write; None writes nothing.
     """
 
-    def __init__(self, driver: LatchedRobot, log: AuditLog | None) -> None:
+    def __init__(self, driver: RobotStateMachine, log: AuditLog | None) -> None:
         self._driver, self._log = driver, log
         self._mode = ""
         self.watch()

@@ -58,7 +58,7 @@ from hw_interface.messages.wire import M, Message
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
-__all__ = ["CellClient", "ExecutionReport", "Progress", "SimProcess", "start_sim_process"]
+__all__ = ["CellClient", "ExecutionReport", "MotionProgress", "SimProcess", "start_sim_process"]
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
 CAMERA_TIMEOUT = 5.0  # [s]; a camera process answers, if with a refusal, within its own much shorter limit
@@ -68,7 +68,7 @@ REST_TIMEOUT = 10.0  # [s] that an arm told to stop may take to rest
 
 
 @dataclass(frozen=True)
-class Progress:
+class MotionProgress:
     """How far a motion is: samples played, samples in all, and the state that says so."""
 
     played: int
@@ -327,7 +327,7 @@ class CellClient:
         self,
         trajectory: Trajectory,
         certificate: Certificate | None,
-        on_progress: Callable[[Progress], None] | None = None,
+        on_progress: Callable[[MotionProgress], None] | None = None,
         speed: float | None = None,
     ) -> ExecutionReport:
         """Have a trajectory played and wait until the arm rests again.
@@ -365,7 +365,9 @@ class CellClient:
                 self._await_rest()
             raise
 
-    def _execute(self, request: TrajectoryRequest, on_progress: Callable[[Progress], None] | None) -> ExecutionReport:
+    def _execute(
+        self, request: TrajectoryRequest, on_progress: Callable[[MotionProgress], None] | None
+    ) -> ExecutionReport:
         serial = self._ask(TRAJECTORY_KEY, request, Accepted, self._timeout).serial
         self._latest_at = time.monotonic()
         seen = 0
@@ -374,7 +376,7 @@ class CellClient:
             if state.motion_serial != serial:
                 continue  # measured before the motion was accepted
             if on_progress is not None:
-                on_progress(Progress(state.progress, state.samples, state))
+                on_progress(MotionProgress(state.progress, state.samples, state))
             if state.mode not in ("moving", "stopping"):
                 break
         result = self._ask(RESULT_KEY, ResultRequest(serial=serial), MotionResult, self._timeout)

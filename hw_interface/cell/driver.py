@@ -13,18 +13,18 @@ from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
 from hw_interface.cell.backend import RobotBackend
 from hw_interface.cell.gate import Gate
-from hw_interface.cell.motion_monitor import SupervisionLimits
+from hw_interface.cell.motion_monitor import MonitorLimits
 from hw_interface.cell.played_motion import PlayedMotion
-from hw_interface.cell.robot_state_machine import LatchedRobot, internal_trouble
+from hw_interface.cell.robot_state_machine import RobotStateMachine, internal_trouble
 from hw_interface.messages.robot import Trouble
 
 
-class Driver(LatchedRobot[PlayedMotion]):
+class Driver(RobotStateMachine[PlayedMotion]):
     """One robot's driver; its tick is one millisecond of robot time.
 
     Args:
         backend: The robot.
-        gate, cell, supervision, clock: As for `LatchedRobot`.
+        gate, cell, supervision, clock: As for `RobotStateMachine`.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class Driver(LatchedRobot[PlayedMotion]):
         backend: RobotBackend,
         gate: Gate,
         cell: str,
-        supervision: SupervisionLimits | None = None,
+        supervision: MonitorLimits | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         measured = backend.read()

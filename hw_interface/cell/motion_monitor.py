@@ -15,7 +15,7 @@ REST_SPEED = 1e-6  # [rad/s]; samples slower than this stand still
 
 
 @dataclass(frozen=True)
-class SupervisionLimits:
+class MonitorLimits:
     """Where a driver stops by itself. Wider than the limits of a verdict: these catch what no twin foresaw.
 
     Attributes:
@@ -63,14 +63,14 @@ def expects_grasp(trajectory: Trajectory) -> np.ndarray:
     return expected
 
 
-class Supervisor:
+class MotionMonitor:
     """Watches one motion, sample by sample.
 
     Attributes:
         waiting: Whether the arm should stay where it rests: the gripper needs longer than its dwell.
     """
 
-    def __init__(self, trajectory: Trajectory, limits: SupervisionLimits) -> None:
+    def __init__(self, trajectory: Trajectory, limits: MonitorLimits) -> None:
         self.waiting = False
         self._waited = 0
         self._qd = trajectory.qd

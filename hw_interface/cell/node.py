@@ -15,7 +15,7 @@ from control.errors import ConfigError, RefusedError
 from hw_interface.cell.audit import Audit
 from hw_interface.cell.audit_log import AuditLog
 from hw_interface.cell.operator_lease import OperatorLease
-from hw_interface.cell.robot_state_machine import LatchedRobot
+from hw_interface.cell.robot_state_machine import RobotStateMachine
 from hw_interface.link.security import LinkSecurity
 from hw_interface.link.streams import declare_stream
 from hw_interface.link.transport import (
@@ -84,7 +84,7 @@ class RobotNode:
 
     def __init__(
         self,
-        driver: LatchedRobot,
+        driver: RobotStateMachine,
         cameras: tuple[str, ...],
         take_frame: Callable[[str], RgbdFrame],
         endpoint: str,

@@ -13,7 +13,7 @@ from control.errors import ConfigError
 from control.trajectory.samples import SAMPLE_TIME
 from hw_interface.cell.driver import Driver
 from hw_interface.cell.node import STATE_RATE, RobotNode
-from hw_interface.cell.robot_state_machine import LatchedRobot
+from hw_interface.cell.robot_state_machine import RobotStateMachine
 from hw_interface.link.memory import keep_memory
 from hw_interface.link.security import LinkSecurity
 from perception.frames import RgbdFrame
@@ -126,7 +126,7 @@ def serve_robot(
             node.close()
 
 
-def announce(node: RobotNode, driver: LatchedRobot) -> None:
+def announce(node: RobotNode, driver: RobotStateMachine) -> None:
     """Print the one line that tells a parent process that the robot is ready: JSON with endpoint and pid."""
     line = {"ready": True, "endpoint": node.endpoint, "pid": os.getpid(), "cell": driver.cell, "epoch": driver.epoch}
     print(json.dumps(line), file=sys.stdout, flush=True)

@@ -13,7 +13,7 @@ from control.trajectory.samples import SAMPLE_TIME, GripperCommand, Trajectory
 from control.trajectory.speed_override import check_length, override_speed
 from hw_interface.cell.backend import Measured
 from hw_interface.cell.gate import Gate
-from hw_interface.cell.motion_monitor import SupervisionLimits, Supervisor
+from hw_interface.cell.motion_monitor import MonitorLimits, MotionMonitor
 from hw_interface.cell.motion_record import MotionRecord
 from hw_interface.messages.motions import MotionResult, Outcome
 from hw_interface.messages.robot import Mode, Trouble
@@ -46,7 +46,7 @@ class PlayedMotion:
         serial: str,
         speed: float,
         gate: Gate,
-        supervision: SupervisionLimits,
+        supervision: MonitorLimits,
         started: float,
     ) -> None:
         with refusing_plan("too_slow"):
@@ -59,7 +59,7 @@ class PlayedMotion:
         self.stopping = False
         self.stop_mode: Mode = "stopped"
         self.trouble: Trouble | None = None
-        self._supervisor = Supervisor(trajectory, supervision)
+        self._supervisor = MotionMonitor(trajectory, supervision)
         self._record = MotionRecord(serial, self.samples, started)
         self._events = list(trajectory.gripper)  # to be given
         self._row = 0  # of the playback, next to command

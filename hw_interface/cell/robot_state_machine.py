@@ -23,7 +23,7 @@ from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
 from hw_interface.cell.backend import Measured
 from hw_interface.cell.gate import Gate, valid_speed
-from hw_interface.cell.motion_monitor import MISSED_GRASP, SupervisionLimits
+from hw_interface.cell.motion_monitor import MISSED_GRASP, MonitorLimits
 from hw_interface.messages.motions import MotionResult, Outcome
 from hw_interface.messages.robot import Accepted, Mode, RobotState, Trouble
 
@@ -31,7 +31,7 @@ LOG = logging.getLogger(__name__)
 RESULTS_KEPT = 16
 
 
-class Motion(Protocol):
+class PlayableMotion(Protocol):
     """What a robot side needs to know of the motion that it plays.
 
     Attributes:
@@ -62,10 +62,10 @@ class Motion(Protocol):
         ...
 
 
-M = TypeVar("M", bound=Motion)
+M = TypeVar("M", bound=PlayableMotion)
 
 
-class LatchedRobot(ABC, Generic[M]):
+class RobotStateMachine(ABC, Generic[M]):
     """One robot's side of the wire. Not thread-safe: everything is called from the loop that calls `tick`.
 
     Args:
@@ -83,13 +83,13 @@ class LatchedRobot(ABC, Generic[M]):
         cell: str,
         measured: Measured,
         q_d: np.ndarray,
-        supervision: SupervisionLimits | None,
+        supervision: MonitorLimits | None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.epoch = uuid.uuid4().hex
         self.cell = cell
         self.gate = gate
-        self._supervision = supervision or SupervisionLimits()
+        self._supervision = supervision or MonitorLimits()
         self._clock = clock
         self._begun = clock()
         self._measured = measured

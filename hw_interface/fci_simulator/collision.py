@@ -23,20 +23,20 @@ class Levels:
 
 
 @dataclass(frozen=True)
-class CollisionThresholds:
+class BoxThresholds:
     """Thresholds while the set point accelerates, and otherwise."""
 
     accelerating: Levels
     nominal: Levels
 
     @classmethod
-    def of(cls, numbers: np.ndarray) -> "CollisionThresholds":
+    def of(cls, numbers: np.ndarray) -> "BoxThresholds":
         """From a SetCollisionBehavior request: 4 x 7 torques, then 4 x 6 forces, shape (52,)."""
         torque, force = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
         return cls(Levels(torque[0], torque[1], force[0], force[1]), Levels(torque[2], torque[3], force[2], force[3]))
 
     @classmethod
-    def default(cls) -> "CollisionThresholds":
+    def default(cls) -> "BoxThresholds":
         """Before a client has set any: those of libfranka's `examples_common.cpp`, setDefaultBehavior."""
         high = Levels(np.full(7, 20.0), np.full(7, 20.0), np.full(6, 20.0), np.full(6, 20.0))
         low = Levels(np.full(7, 10.0), np.full(7, 10.0), np.full(6, 10.0), np.full(6, 10.0))

@@ -54,7 +54,7 @@ RESTING = 1e-3  # [rad/s] of every joint, below which the arm rests
 
 
 @dataclass
-class Motion:
+class CommandedMotion:
     """A Move that is being carried out.
 
     Attributes:
@@ -99,7 +99,7 @@ class ControlBox:
         self.history = History()
         self._told = False  # whether the set point of this millisecond is a client's
         self.outbox: list[bytes] = []
-        self._motion: Motion | None = None
+        self._motion: CommandedMotion | None = None
         self._errors: set[Error] = set()
         self._last_motion_errors: set[Error] = set()
         self._user_stop = self._locked = self._guided = False
@@ -126,7 +126,7 @@ class ControlBox:
         return Mode.GUIDING if self._guided else Mode.IDLE
 
     @property
-    def motion(self) -> Motion | None:
+    def motion(self) -> CommandedMotion | None:
         """The motion under way, or None."""
         return self._motion
 
@@ -191,7 +191,7 @@ class ControlBox:
             self._say(f"Move refused: controller {controller}, generator {generator}; Cartesian ones are not simulated")
             self._answer(Command.MOVE, command_id, MoveStatus.INPUT_ERROR_ABORTED)
             return
-        self._motion = Motion(command_id, Controller(controller), Generator(generator))
+        self._motion = CommandedMotion(command_id, Controller(controller), Generator(generator))
         self._last_motion_errors = set()
         self._tau_d = np.zeros(7)
         self._answer(Command.MOVE, command_id, MoveStatus.STARTED)
@@ -272,7 +272,7 @@ class ControlBox:
 
     # within
 
-    def _follow(self, motion: Motion, command: np.void | None) -> np.ndarray | None:
+    def _follow(self, motion: CommandedMotion, command: np.void | None) -> np.ndarray | None:
         """Take the command for this millisecond; returns the torque in [Nm] that an external controller wants."""
         first, motion.started = not motion.started, True
         motion.success.append(command is not None)
@@ -299,7 +299,7 @@ class ControlBox:
             return self._finish(motion)
         return torque
 
-    def _wanted(self, motion: Motion, command: np.void | None) -> np.ndarray:
+    def _wanted(self, motion: CommandedMotion, command: np.void | None) -> np.ndarray:
         """Where the motion generator wants the joints one millisecond from now, in [rad], shape (7,)."""
         point = self._set_point
         if command is None:
@@ -310,7 +310,7 @@ class ControlBox:
         share = self.settings.filter_share("joint_velocity")
         return point.q + (share * command["dq_c"] + (1.0 - share) * point.dq) * SAMPLE_TIME
 
-    def _finish(self, motion: Motion) -> None:
+    def _finish(self, motion: CommandedMotion) -> None:
         """End a motion that its client calls finished: from there on the arm must be able to rest."""
         if motion.controller is Controller.EXTERNAL:
             self._take_over_torque_motion(motion)
@@ -326,20 +326,20 @@ class ControlBox:
     def _fail(self, error: Error) -> None:
         self.reflex(error)
 
-    def _abort(self, motion: Motion, status: MoveStatus, stop_status: StopStatus) -> None:
+    def _abort(self, motion: CommandedMotion, status: MoveStatus, stop_status: StopStatus) -> None:
         self._take_over_torque_motion(motion)
         self._motion = None
         self._answer(Command.MOVE, motion.command_id, status)
         if motion.stop_id is not None:
             self._answer(Command.STOP_MOVE, motion.stop_id, stop_status)
 
-    def _end_stopped(self, motion: Motion) -> None:
+    def _end_stopped(self, motion: CommandedMotion) -> None:
         self._motion = None
         self._answer(Command.MOVE, motion.command_id, MoveStatus.PREEMPTED)
         assert motion.stop_id is not None
         self._answer(Command.STOP_MOVE, motion.stop_id, StopStatus.SUCCESS)
 
-    def _take_over_torque_motion(self, motion: Motion) -> None:
+    def _take_over_torque_motion(self, motion: CommandedMotion) -> None:
         """Under an external controller the set point does not lead: brake from where the arm is."""
         if motion.controller is Controller.EXTERNAL and motion.stop_id is None:
             self._set_point.moving_at(self._readings.q, self._readings.dq)

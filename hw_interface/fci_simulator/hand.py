@@ -43,7 +43,7 @@ class Task:
     outer: float = 0.0
 
 
-class Hand:
+class SimulatedHand:
     """The state machine of one gripper.
 
     Args:

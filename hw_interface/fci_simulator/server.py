@@ -30,10 +30,10 @@ from control.robot.limits import RobotLimits
 from control.trajectory.samples import SAMPLE_TIME
 from hw_interface.cell.pacing import Leash
 from hw_interface.fci_simulator.clients import Service
-from hw_interface.fci_simulator.control_box import ControlBox, Motion
+from hw_interface.fci_simulator.control_box import CommandedMotion, ControlBox
 from hw_interface.fci_simulator.control_channel import ControlChannel
 from hw_interface.fci_simulator.faults import FaultCommands, Faults
-from hw_interface.fci_simulator.hand import Hand
+from hw_interface.fci_simulator.hand import SimulatedHand
 from hw_interface.fci_simulator.layout import (
     COMMAND,
     GRIPPER_HEADER,
@@ -70,7 +70,7 @@ STALLED = 0.5  # [s] of wall time in one turn of the loop that is worth a line
 LONGEST_LOOK = 0.02  # [s] of waiting for anything, so that the leash and the administrative channel are looked at
 
 
-class World(Protocol):
+class BoxWorld(Protocol):
     """What stands in the simulated cell; the robot carries the names of `control.twin_model`."""
 
     model: Any
@@ -107,7 +107,7 @@ class ResearchInterface:
 
     def __init__(
         self,
-        world: World,
+        world: BoxWorld,
         limits: RobotLimits,
         *,
         gripper: GripperModel = PANDA_HAND,
@@ -125,10 +125,10 @@ class ResearchInterface:
         plant = Plant(world.model, world.data, gripper)
         self.arm_model = plant.arm.model
         self.box = ControlBox(plant, limits, say)
-        self.hand = Hand(plant.backend, gripper, say)
+        self.hand = SimulatedHand(plant.backend, gripper, say)
         self._faults = Faults()
         self._commands: list[np.void] = []
-        self._motion: Motion | None = None  # whose beginning has been seen
+        self._motion: CommandedMotion | None = None  # whose beginning has been seen
         self._answered = 0  # id of the last state that a command answered
         self._heard = 0.0  # wall time of the last command, or of the motion's beginning
         self._next_ahead, self._sent_ahead, self._next_again = 0.0, 0, 0.0
@@ -232,7 +232,7 @@ class ResearchInterface:
             due = max(due + self._burst(), earliest)
             self._look(0.0)
 
-    def _begin(self, motion: Motion | None) -> None:
+    def _begin(self, motion: CommandedMotion | None) -> None:
         """Note that a motion has begun (or ended)."""
         if motion is None:
             self._faults.drop = 0
@@ -266,7 +266,7 @@ class ResearchInterface:
         self._publish()
         return milliseconds * SAMPLE_TIME
 
-    def _in_lockstep(self, motion: Motion) -> None:
+    def _in_lockstep(self, motion: CommandedMotion) -> None:
         """Advance by the commands that have come, or wait for one."""
         if not self._commands:
             now = time.monotonic()
@@ -290,7 +290,7 @@ class ResearchInterface:
             if self.box.motion is motion and motion.stop_id is None:
                 self._obey(motion, command)
 
-    def _obey(self, motion: Motion, command: np.void) -> None:
+    def _obey(self, motion: CommandedMotion, command: np.void) -> None:
         """Advance by one command in lockstep, and by those that are missing before it."""
         answers = int(command["message_id"])
         if answers <= self._answered:

@@ -6,7 +6,7 @@ import numpy as np
 
 from control.trajectory.samples import SAMPLE_TIME
 from hw_interface.fci_simulator.arm import RigidLoad
-from hw_interface.fci_simulator.collision import CollisionThresholds
+from hw_interface.fci_simulator.collision import BoxThresholds
 from hw_interface.fci_simulator.layout import Command, SetStatus
 from hw_interface.fci_simulator.plant import Plant
 from hw_interface.fci_simulator.robot_state import StateRecord
@@ -33,7 +33,7 @@ class Settings:
 
     def __init__(self, plant: Plant, record: StateRecord) -> None:
         self._plant, self._record = plant, record
-        self.thresholds = CollisionThresholds.default()
+        self.thresholds = BoxThresholds.default()
         self.guiding = (True,) * 7
         self._shares: dict[str, float] = dict.fromkeys(FILTERS, 1.0)
 
@@ -75,7 +75,7 @@ class Settings:
     def _set_thresholds(self, numbers: np.ndarray) -> bool:
         if not (numbers >= 0.0).all():
             return False
-        self.thresholds = CollisionThresholds.of(numbers)
+        self.thresholds = BoxThresholds.of(numbers)
         return True
 
     def _set_stiffness(self, numbers: np.ndarray) -> bool:

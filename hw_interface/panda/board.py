@@ -67,7 +67,7 @@ class Order(NamedTuple):
     clearance: Clearance
 
 
-class Board:
+class ClearanceBoard:
     """One side's view of the shared memory.
 
     Attributes:
@@ -83,7 +83,7 @@ class Board:
         self._seen = 0  # sequence number of the order that was read last
 
     @classmethod
-    def create(cls) -> "Board":
+    def create(cls) -> "ClearanceBoard":
         """A board of its own memory."""
         descriptor = os.memfd_create("replan-player", os.MFD_CLOEXEC)
         os.ftruncate(descriptor, _ORDER.itemsize + _REPORT.itemsize)

@@ -12,7 +12,7 @@ from control.trajectory.samples import SAMPLE_TIME, GripperCommand, GripperEvent
 from control.trajectory.speed_override import check_length, override_speed
 from hw_interface.cell.backend import Measured
 from hw_interface.cell.gate import Gate
-from hw_interface.cell.motion_monitor import SupervisionLimits, Supervisor
+from hw_interface.cell.motion_monitor import MonitorLimits, MotionMonitor
 from hw_interface.cell.motion_record import MotionRecord
 from hw_interface.cell.played_motion import refusing_plan
 from hw_interface.messages.motions import MotionResult, Outcome
@@ -59,7 +59,7 @@ class ClearedMotion:
         serial: str,
         speed: float,
         gate: Gate,
-        supervision: SupervisionLimits,
+        supervision: MonitorLimits,
         started: float,
         number: int,
         thinker: ThreadPoolExecutor,
@@ -79,7 +79,7 @@ class ClearedMotion:
         self.part = 0
         self._gate = gate
         self._limits = gate.robot_limits
-        self._supervisor = Supervisor(trajectory, supervision)
+        self._supervisor = MotionMonitor(trajectory, supervision)
         self._record = MotionRecord(serial, self.samples, started)
         self._moving_events = list(moving_events(trajectory, self.parts))
         self._row = 0  # commanded last

@@ -23,8 +23,8 @@ from control.safety.certificate import Certificate
 from control.trajectory.samples import SAMPLE_TIME, Trajectory
 from hw_interface.cell.backend import Measured
 from hw_interface.cell.gate import Gate
-from hw_interface.cell.motion_monitor import SupervisionLimits
-from hw_interface.cell.robot_state_machine import LatchedRobot, internal_trouble
+from hw_interface.cell.motion_monitor import MonitorLimits
+from hw_interface.cell.robot_state_machine import RobotStateMachine, internal_trouble
 from hw_interface.errors import MessageError
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Refusal, Trouble
@@ -43,13 +43,13 @@ IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # of these
 Phase = Literal["resting", "playing", "gripping"]
 
 
-class PandaDriver(LatchedRobot[ClearedMotion]):
+class PandaDriver(RobotStateMachine[ClearedMotion]):
     """One Panda.
 
     Args:
         start_player: Starts the player's process, connected to the control box.
         hand: The gripper.
-        gate, cell, supervision, clock: As for `LatchedRobot`.
+        gate, cell, supervision, clock: As for `RobotStateMachine`.
         time_waits: Whether robot time stands still while this process computes (a simulated box in lockstep).
 
     Raises:
@@ -62,7 +62,7 @@ class PandaDriver(LatchedRobot[ClearedMotion]):
         hand: Hand,
         gate: Gate,
         cell: str,
-        supervision: SupervisionLimits | None = None,
+        supervision: MonitorLimits | None = None,
         clock: Callable[[], float] = time.time,
         time_waits: bool = False,
     ) -> None:

@@ -21,7 +21,7 @@ from hw_interface.cell.gate import Gate
 from hw_interface.errors import MessageError
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Refusal
-from hw_interface.panda.board import Board, Order
+from hw_interface.panda.board import ClearanceBoard, Order
 from hw_interface.panda.clearance import JOIN_ROWS, ClearedPath
 from hw_interface.panda.collision import thresholds
 from hw_interface.panda.link import (
@@ -65,7 +65,7 @@ class Player:
         robot: Any,
         libfranka: Any,
         gate: Gate,
-        board: Board,
+        board: ClearanceBoard,
         link: Link,
         missing_mass: float,
         F_T_EE: np.ndarray,

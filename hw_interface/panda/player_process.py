@@ -10,7 +10,7 @@ from multiprocessing.connection import Pipe
 from control.errors import MachineError, RobotGoneError
 from hw_interface.messages.robot import Refusal
 from hw_interface.messages.wire import Message
-from hw_interface.panda.board import Board
+from hw_interface.panda.board import ClearanceBoard
 from hw_interface.panda.link import Link, PlayerReady
 
 CONNECT_TIMEOUT = 15.0  # [s] until the control box has answered; importing takes a second or two
@@ -36,7 +36,7 @@ class PlayerProcess:
     ) -> None:
         self._clock, self._still_moving = clock, still_moving
         ours, theirs = Pipe()
-        self.board = Board.create()
+        self.board = ClearanceBoard.create()
         self.link = Link(ours)
         descriptors = (theirs.fileno(), self.board.descriptor)
         arguments = ["--link-fd", str(descriptors[0]), "--board-fd", str(descriptors[1])]

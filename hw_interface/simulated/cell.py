@@ -7,7 +7,7 @@ import numpy as np
 
 from hw_interface.cell.driver import Driver
 from hw_interface.cell.gate import Gate
-from hw_interface.cell.motion_monitor import SupervisionLimits
+from hw_interface.cell.motion_monitor import MonitorLimits
 from hw_interface.cell.node import STATE_RATE
 from hw_interface.cell.pacing import Leash, serve_robot
 from hw_interface.link.security import LinkSecurity
@@ -52,7 +52,7 @@ def run_sim_cell(
     connect: bool = False,
     state_rate: float = STATE_RATE,
     speed: float = 1.0,
-    supervision: SupervisionLimits | None = None,
+    supervision: MonitorLimits | None = None,
     score: bool = False,
     parent_pid: int | None = None,
     leash: Leash | None = None,

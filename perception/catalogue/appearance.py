@@ -67,7 +67,7 @@ CHROMATIC = ("red", "orange", "brown", "yellow", "green", "cyan", "blue", "purpl
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """What a noun looks like.
 
     Attributes:
@@ -91,27 +91,29 @@ class Look:
     kinds: tuple[Kind, ...] = ()
 
 
-LOOKS: dict[str, Look] = {
+LOOKS: dict[str, Appearance] = {
     look.noun: look
     for look in (
-        Look("cube", CHROMATIC, "angular", (0.02, 0.12), "box", equal_sides=True),
-        Look("block", CHROMATIC, "angular", (0.02, 0.20), "box"),
-        Look("box", CHROMATIC, "angular", (0.03, 0.50), "box"),
-        Look("crate", ("brown",), "angular", (0.08, 0.60), "box"),
-        Look("bar", CHROMATIC, "elongated", (0.08, 0.60), "box"),
-        Look("apple", ("red", "green"), "round", (0.045, 0.11), "sphere"),
-        Look("orange", ("orange",), "round", (0.045, 0.11), "sphere"),
-        Look("lemon", ("yellow",), "round", (0.04, 0.14), "sphere", kinds=("ellipsoid",)),
-        Look("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
-        Look("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
-        Look("bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder", hollow=True),
-        Look("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder", hollow=True),
-        Look("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
-        Look("can", CHROMATIC, "any", (0.05, 0.20), "cylinder", kinds=("cylinder", "lying cylinder", "box")),
-        Look("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder", hollow=True),
+        Appearance("cube", CHROMATIC, "angular", (0.02, 0.12), "box", equal_sides=True),
+        Appearance("block", CHROMATIC, "angular", (0.02, 0.20), "box"),
+        Appearance("box", CHROMATIC, "angular", (0.03, 0.50), "box"),
+        Appearance("crate", ("brown",), "angular", (0.08, 0.60), "box"),
+        Appearance("bar", CHROMATIC, "elongated", (0.08, 0.60), "box"),
+        Appearance("apple", ("red", "green"), "round", (0.045, 0.11), "sphere"),
+        Appearance("orange", ("orange",), "round", (0.045, 0.11), "sphere"),
+        Appearance("lemon", ("yellow",), "round", (0.04, 0.14), "sphere", kinds=("ellipsoid",)),
+        Appearance("ball", CHROMATIC, "round", (0.02, 0.25), "sphere"),
+        Appearance("banana", ("yellow",), "elongated", (0.11, 0.26), "box"),
+        Appearance(
+            "bowl", ("blue", "white", "cyan", "green", "orange"), "vessel", (0.08, 0.32), "cylinder", hollow=True
+        ),
+        Appearance("plate", ("blue", "white", "cyan", "green"), "round", (0.10, 0.35), "cylinder", hollow=True),
+        Appearance("cylinder", CHROMATIC, "any", (0.03, 0.20), "cylinder"),
+        Appearance("can", CHROMATIC, "any", (0.05, 0.20), "cylinder", kinds=("cylinder", "lying cylinder", "box")),
+        Appearance("cup", (*CHROMATIC, "white"), "any", (0.05, 0.16), "cylinder", hollow=True),
     )
 }
-ANY_THING = Look("thing", CHROMATIC, "any", (0.015, 0.60), "box")
+ANY_THING = Appearance("thing", CHROMATIC, "any", (0.015, 0.60), "box")
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class Query:
 
     phrase: str
     colours: tuple[Colour, ...]
-    look: Look
+    look: Appearance
 
 
 def parse_phrase(phrase: str) -> Query:
@@ -152,7 +154,7 @@ def parse_phrase(phrase: str) -> Query:
     return Query(phrase, colours or tuple(COLOURS[c] for c in look.colours), look)
 
 
-def look_of(phrase: str) -> Look:
+def appearance_of(phrase: str) -> Appearance:
     """What the thing that a phrase names looks like; `ANY_THING` for nouns that the table lacks."""
     try:
         return parse_phrase(phrase).look

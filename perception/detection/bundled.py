@@ -27,7 +27,7 @@ CARD_FILE = "card.json"
 DEFAULT_SEGMENTER = "grabcut"
 
 
-class Card(BaseModel):
+class ModelCard(BaseModel):
     """What is known about bundled weights.
 
     Attributes:
@@ -45,7 +45,7 @@ class Card(BaseModel):
     figures: dict[str, float]
 
 
-class DetectorCard(Card):
+class DetectorCard(ModelCard):
     """Card of a detector.
 
     Attributes:
@@ -65,11 +65,11 @@ class DetectorCard(Card):
     short_side: int | None = Field(default=None, ge=32)
 
 
-class SegmenterCard(Card):
+class SegmenterCard(ModelCard):
     """Card of a segmenter."""
 
 
-C = TypeVar("C", bound=Card)
+C = TypeVar("C", bound=ModelCard)
 
 
 def read_card(folder: Path, kind: type[C]) -> C:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.catalogue.appearance import ANY_THING, CHROMATIC, Colour, Look, Query, parse_phrase
+from perception.catalogue.appearance import ANY_THING, CHROMATIC, Appearance, Colour, Query, parse_phrase
 from perception.detection.cut_pieces import CutBlob, join_cut
 from perception.frames import RgbdFrame
 from perception.geometry.cloud import StereoNoise, height_map
@@ -135,7 +135,7 @@ class ColourShapeDetector:
                 blobs.append(blob)
         return blobs
 
-    def _score(self, picture: "_Picture", cut: CutBlob, look: Look, colour: Colour) -> float:
+    def _score(self, picture: "_Picture", cut: CutBlob, look: Appearance, colour: Colour) -> float:
         """How much a blob looks like the noun, 0..1: product of filling, outline, certainty and size."""
         blob = cut.pixels
         outline = measure_outline(cut.whole, picture.depth)
@@ -150,7 +150,7 @@ class ColourShapeDetector:
             score *= self._block_score(picture, blob, outline, look)
         return score if self._may_stand(picture, blob, colour) else 0.0
 
-    def _part_score(self, picture: "_Picture", part: StackPart, look: Look, colour: Colour) -> float:
+    def _part_score(self, picture: "_Picture", part: StackPart, look: Appearance, colour: Colour) -> float:
         """The same for one of several things that stand on each other, whose sizes are known."""
         outline = measure_outline(part.covered, picture.depth)
         if outline is None or not self._may_stand(picture, part.pixels, colour):
@@ -162,7 +162,7 @@ class ColourShapeDetector:
         score *= _rise(longest / low, 0.6, 0.9) * _rise(-longest / high, -1.7, -1.2)
         return score * (_equality(float(part.sizes.max() / part.sizes.min())) if look.equal_sides else 1.0)
 
-    def _block_score(self, picture: "_Picture", blob: np.ndarray, outline: Outline, look: Look) -> float:
+    def _block_score(self, picture: "_Picture", blob: np.ndarray, outline: Outline, look: Appearance) -> float:
         """Less than 1 for what has corners and is, in the world, too small or too unequal for its noun.
 
         A cube's diagonal in the picture may be as long as a small crate's side; and what is wider than it reaches over
@@ -251,7 +251,7 @@ def _hsv(colour: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_RGB2HSV)
 
 
-def _outline_score(outline: Outline, look: Look) -> float:
+def _outline_score(outline: Outline, look: Appearance) -> float:
     if look.outline == "round":
         # A ball of which half is hidden, or beyond the picture's edge, shows as a slice.
         longest = 2.6 / max(outline.free, 0.4) if look.solid == "sphere" else 2.6
@@ -275,7 +275,7 @@ def _equality(ratio: float) -> float:
     return 0.3 + 0.7 * _rise(-ratio, -1.8, -1.35)
 
 
-def _size_score(outline: Outline, look: Look, long_side: float) -> float:
+def _size_score(outline: Outline, look: Appearance, long_side: float) -> float:
     """1 within the noun's sizes, falling to 0 outside; a box seen over its corner shows up to 1.7 of its side.
 
     Args:

@@ -8,7 +8,7 @@ from perception.frames import RgbdFrame
 from perception.interfaces import Detection, Detector, ShapeDetector
 
 
-class ByNounDetector:
+class DetectorRouter:
     """Nouns of the catalogue by colour and shape, other nouns by learned weights, what is left by its colour.
 
     The learned weights are loaded with the first phrase that needs them.

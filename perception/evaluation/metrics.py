@@ -25,7 +25,7 @@ SQUARE = 0.1  # sides that differ by less than this share make a footprint squar
 
 
 @dataclass(frozen=True)
-class Question:
+class ScoredQuestion:
     """One phrase asked of one picture.
 
     Attributes:
@@ -52,7 +52,7 @@ class Question:
         return right
 
 
-def average_precision(questions: Sequence[Question], iou: float = RIGHT_IOU) -> float:
+def average_precision(questions: Sequence[ScoredQuestion], iou: float = RIGHT_IOU) -> float:
     """Area under precision over recall, 0..1; NaN when nothing was there in any question.
 
     Args:
@@ -72,7 +72,7 @@ def average_precision(questions: Sequence[Question], iou: float = RIGHT_IOU) -> 
     return float(np.sum(best_from_here[right]) / wanted)
 
 
-def recall(questions: Sequence[Question], threshold: float = 0.0, iou: float = RIGHT_IOU) -> float:
+def recall(questions: Sequence[ScoredQuestion], threshold: float = 0.0, iou: float = RIGHT_IOU) -> float:
     """Share of the true boxes that a box of at least `threshold` found, 0..1; NaN when nothing was there.
 
     Args:
@@ -86,7 +86,7 @@ def recall(questions: Sequence[Question], threshold: float = 0.0, iou: float = R
     return sum(int((q.right(iou) & (q.scores >= threshold)).sum()) for q in questions) / wanted
 
 
-def absent_false_positive_rate(questions: Iterable[Question], threshold: float = 0.0) -> float:
+def absent_false_positive_rate(questions: Iterable[ScoredQuestion], threshold: float = 0.0) -> float:
     """Share of the questions about absent things that were answered with a box, 0..1; NaN when there was none.
 
     Args:

@@ -8,7 +8,7 @@ from perception.interfaces import Detection, Detector
 from perception.options import PerceptionOptions
 
 
-class OverheardDetector:
+class RecordingDetector:
     """Asks another detector and keeps its answer.
 
     Attributes:

@@ -12,7 +12,7 @@ from perception.estimates import ObjectEstimate, SceneEstimate
 from perception.evaluation.metrics import (
     RIGHT_IOU,
     PoseError,
-    Question,
+    ScoredQuestion,
     absent_false_positive_rate,
     average_precision,
     compare,
@@ -56,7 +56,7 @@ class Scores:
     """
 
     threshold: float = 0.0
-    _questions: list[Question] = field(default_factory=list, repr=False)
+    _questions: list[ScoredQuestion] = field(default_factory=list, repr=False)
     _seen: list[_Seen] = field(default_factory=list, repr=False)
     _frames: int = 0
     _objects: int = 0
@@ -109,7 +109,7 @@ class Scores:
             return
         own = [b for b in boxes if b.phrase.replace(" ", "_") == name]
         self._questions.append(
-            Question(
+            ScoredQuestion(
                 np.array([b.box_px for b in own], float).reshape(-1, 4),
                 np.array([b.score for b in own], float),
                 np.array([t.box_px for t in there], float).reshape(-1, 4),

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from perception.catalogue.appearance import ANY_THING, Kind, Look
+from perception.catalogue.appearance import ANY_THING, Appearance, Kind
 from perception.geometry.refinement import Refined
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
 
@@ -25,7 +25,7 @@ FIT_STD = 0.0015  # how far a first fit is off its own points in [m]
 LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's ends and axis in [m]
 
 
-def kinds_of(look: Look) -> tuple[Kind, ...]:
+def kinds_of(look: Appearance) -> tuple[Kind, ...]:
     """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
     if look is ANY_THING:
         return ANY_KIND

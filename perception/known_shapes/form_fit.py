@@ -25,7 +25,7 @@ from perception.geometry.support import SupportPlane
 from perception.known_shapes.articulated_fit import BEFORE, THROUGH
 from perception.known_shapes.forms import FormSolid, KnownForm
 from perception.known_shapes.rays import DepthRays
-from perception.known_shapes.residual_clusters import Piece
+from perception.known_shapes.residual_clusters import ResidualCluster
 
 STEP, SHARE = 1e-4, 1e-3  # for slopes: of a point in [m], of a size's logarithm
 TOLERANCE = 0.025  # points end this far above what carries the thing at most, in [m]: its foot looks like the support
@@ -101,7 +101,7 @@ class FormFit:
 def fit_form(
     rays: DepthRays,
     known: np.ndarray,
-    piece: Piece,
+    piece: ResidualCluster,
     form: KnownForm,
     table: SupportPlane,
     others: Sequence[Solid],
@@ -143,7 +143,7 @@ def fit_form(
     return _judged(rays, known, near, piece, *best[1:], s)
 
 
-def _bottoms(piece: Piece, points: np.ndarray, table: SupportPlane, others: Sequence[Solid]) -> list[float]:
+def _bottoms(piece: ResidualCluster, points: np.ndarray, table: SupportPlane, others: Sequence[Solid]) -> list[float]:
     """Heights in [m] that the thing may stand at: on the surface below it, or, should it hang, where it ends."""
     x, y = np.median(points[:, 0]), np.median(points[:, 1])
     lowest = float(piece.low[2])
@@ -313,7 +313,7 @@ def _judged(
     rays: DepthRays,
     known: np.ndarray,
     near: np.ndarray,
-    piece: Piece,
+    piece: ResidualCluster,
     problem: _Problem,
     x: np.ndarray,
     s: FormSettings,

@@ -15,7 +15,7 @@ MARGIN = 0.012  # the same of known furniture: handles are rounder than their bo
 
 
 @dataclass(frozen=True)
-class Piece:
+class ResidualCluster:
     """Points that hang together.
 
     Attributes:
@@ -52,7 +52,7 @@ def unexplained(rays: DepthRays, table: SupportPlane, known: np.ndarray) -> np.n
     return (rays.distance < known - MARGIN - 3.0 * rays.std) & (height > CLEARANCE + 2.0 * noise)
 
 
-def pieces(rays: DepthRays, which: np.ndarray, cell: float = 0.015, least: int = 40) -> list[Piece]:
+def pieces(rays: DepthRays, which: np.ndarray, cell: float = 0.015, least: int = 40) -> list[ResidualCluster]:
     """Clusters of points, largest first.
 
     Two points hang together when their cells of a cubic grid touch (26 neighbours).
@@ -80,5 +80,5 @@ def pieces(rays: DepthRays, which: np.ndarray, cell: float = 0.015, least: int =
         own = of_point == label
         if own.sum() >= least:
             low, high = np.quantile(points[own], (0.01, 0.99), axis=0)
-            found.append(Piece(index[own], low, high))
+            found.append(ResidualCluster(index[own], low, high))
     return sorted(found, key=lambda piece: -len(piece.which))

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.detection.devices import load_package
 from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
-from perception.train.loop import LoopSettings, run_training
+from perception.train.loop import TrainingSettings, run_training
 from perception.train.losses import cell_owners, dense_loss, matched_loss
 from perception.train.networks import detector_processor, new_detector
 from perception.train.questions import ask
@@ -282,7 +282,7 @@ def train_detector(
         {"head": loss_of.head},
         lambda rng: loss_of(draw_batch(shards, tokenizer, settings.batch, rng), settings.half),
         lambda: shards.add(paths()),
-        LoopSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
+        TrainingSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
         say,
         quicken,
     )

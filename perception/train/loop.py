@@ -17,7 +17,7 @@ SMOOTH = 0.98  # of the figures in them
 
 
 @dataclass(frozen=True)
-class LoopSettings:
+class TrainingSettings:
     """What both trainings need to know.
 
     Attributes:
@@ -41,7 +41,7 @@ def run_training(
     further: dict[str, Any],
     loss_of: Callable[[np.random.Generator], tuple[Any, dict[str, float]]],
     between: Callable[[], None],
-    settings: LoopSettings,
+    settings: TrainingSettings,
     say: Callable[[str], None],
     prepare: Callable[[Any], None] = lambda model: None,
 ) -> Any:

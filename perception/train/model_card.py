@@ -1,6 +1,6 @@
 """The page beside bundled weights that tells people what they are, from the card that programs read."""
 
-from perception.detection.bundled import Card, DetectorCard
+from perception.detection.bundled import DetectorCard, ModelCard
 
 DATA = """## Data
 
@@ -31,7 +31,7 @@ SEGMENTER_LIMITS = """## Limits
 """
 
 
-def page(card: Card) -> str:
+def page(card: ModelCard) -> str:
     """The page as Markdown."""
     rows = "\n".join(f"| {name.replace('_', ' ')} | {value:g} |" for name, value in card.figures.items())
     lines = [f"# {card.name}", "", f"Made on {card.made.isoformat()}; {card.trained_on}.", ""]

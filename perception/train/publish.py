@@ -12,11 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.detection.bundled import CARD_FILE, Card, DetectorCard, SegmenterCard
+from perception.detection.bundled import CARD_FILE, DetectorCard, ModelCard, SegmenterCard
 from perception.detection.crop_segmenter import CropSegmenter, CropSettings
 from perception.detection.hf_models import TransformersDetector
 from perception.detection.nms import suppress
-from perception.evaluation.metrics import Question, absent_false_positive_rate, average_precision, mask_iou, recall
+from perception.evaluation.metrics import (
+    ScoredQuestion,
+    absent_false_positive_rate,
+    average_precision,
+    mask_iou,
+    recall,
+)
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.interfaces import Detection
 from perception.train.detector import SIDES, boxes_of
@@ -67,9 +73,9 @@ def publish_detector(
     return card
 
 
-def best_size(trained: Path, held_out: Shards, say: Callable[[str], None]) -> tuple[int, list[Question]]:
+def best_size(trained: Path, held_out: Shards, say: Callable[[str], None]) -> tuple[int, list[ScoredQuestion]]:
     """The picture size, of three, at which the detector finds most, and its questions with their answers."""
-    best: tuple[float, int, list[Question]] = (-1.0, SIDES[1], [])
+    best: tuple[float, int, list[ScoredQuestion]] = (-1.0, SIDES[1], [])
     for short_side in (SIDES[1], SIDES[1] * 5 // 4, SIDES[1] * 3 // 2):
         detector = TransformersDetector(
             str(trained), offline=True, threshold=LOWEST, short_side=short_side, most_phrases=MOST_PHRASES
@@ -82,7 +88,7 @@ def best_size(trained: Path, held_out: Shards, say: Callable[[str], None]) -> tu
     return best[1], best[2]
 
 
-def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], held_out: Shards) -> list[Question]:
+def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], held_out: Shards) -> list[ScoredQuestion]:
     """Questions about all pictures, with what a detector answers."""
     assert held_out.words is not None
     questions = []
@@ -95,7 +101,7 @@ def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], he
         for question in asked:
             mine = [d for d in found if d.phrase == question.phrase]
             questions.append(
-                Question(
+                ScoredQuestion(
                     np.array([d.box_px for d in mine]).reshape(-1, 4),
                     np.array([d.score for d in mine]),
                     boxes_of(sample, list(question.answers)),
@@ -104,7 +110,7 @@ def answered(detect: Callable[[RgbdFrame, tuple[str, ...]], list[Detection]], he
     return questions
 
 
-def choose_threshold(questions: list[Question]) -> float:
+def choose_threshold(questions: list[ScoredQuestion]) -> float:
     """The threshold, in steps of 0.01, at which most boxes are right and most things found: the largest F1.
 
     F1 = 2 right / (boxes drawn + things there)
@@ -153,7 +159,7 @@ def _frame(sample: Sample) -> RgbdFrame:
     return RgbdFrame(sample.colour, np.ones((height, width), np.float32), lens, np.eye(4), 0.0)
 
 
-def _write(trained: Path, card: Card, to: Path) -> None:
+def _write(trained: Path, card: ModelCard, to: Path) -> None:
     """Replace the folder by trained weights, their card and the page about them."""
     shutil.rmtree(to, ignore_errors=True)
     shutil.copytree(trained, to)

@@ -9,7 +9,7 @@ from perception.train.vocabulary import SYNONYMS
 
 
 @dataclass(frozen=True)
-class Question:
+class TrainingQuestion:
     """One phrase.
 
     Attributes:
@@ -21,7 +21,7 @@ class Question:
     answers: tuple[int, ...]
 
 
-def ask(things: tuple[Thing, ...], words: Words, rng: np.random.Generator, most: int = 8) -> list[Question]:
+def ask(things: tuple[Thing, ...], words: Words, rng: np.random.Generator, most: int = 8) -> list[TrainingQuestion]:
     """Draw phrases for a picture.
 
     Phrases that a thing might be meant by, but that do not name it rightly, are not asked.
@@ -55,7 +55,7 @@ def ask(things: tuple[Thing, ...], words: Words, rng: np.random.Generator, most:
         key = (noun, None if colour == noun or rng.random() < 0.3 else colour)
         if key not in asked and not any(_may_fit(t, *key, words) for t in things):
             asked[key] = ()
-    questions = [Question(_say(noun, colour, rng), answers) for (noun, colour), answers in asked.items()]
+    questions = [TrainingQuestion(_say(noun, colour, rng), answers) for (noun, colour), answers in asked.items()]
     return [questions[int(i)] for i in rng.permutation(len(questions))]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from perception.detection.crop_segmenter import Window, box_in_crop, crop_picture, square_window
 from perception.detection.devices import load_package
 from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
-from perception.train.loop import LoopSettings, run_training
+from perception.train.loop import TrainingSettings, run_training
 from perception.train.networks import SAM_SIDE, new_segmenter
 from perception.train.shards import Sample, Shards, tinted
 
@@ -154,7 +154,7 @@ def train_segmenter(
         {},
         loss_of,
         lambda: shards.add(paths()),
-        LoopSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
+        TrainingSettings(settings.steps, settings.learning_rate, settings.seed, settings.save_every),
         say,
     )
     out = folder / "segmenter"

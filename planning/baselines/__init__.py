@@ -1,4 +1,4 @@
-"""What the loop is compared with, made of the same parts: the same eyes, hands and judge, the same prompts and parsers.
+"""What the loop is compared with, made of the same parts: world, prompts and parsers.
 
 Each method is a function with the loop's inputs and result; `METHODS` names them all, the loop first.
 """

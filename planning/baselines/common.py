@@ -9,9 +9,9 @@ from perception.estimates import SceneEstimate
 from planning.language.answers import Plan
 from planning.language.furnishings import KnownFurniture
 from planning.loop.attempt import attempt, judged
-from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
 from planning.loop.results import GoalResult, StepRecord
-from planning.loop.visual_targets import Sight
+from planning.loop.visual_targets import VisualTargets
 from planning.reasoners.reasoner import Log
 
 
@@ -20,7 +20,7 @@ class Trial:
 
     Args:
         goal: In plain language.
-        eyes, hands, judge: The world, see `planning.loop.interfaces`.
+        observer, executor, evaluator: The world, see `planning.loop.interfaces`.
         known_names: Names that the cell says may be there.
         furniture: What is known of the cell's furniture, by name; looked for as well.
         log: Gets the same events as the loop's.
@@ -37,9 +37,9 @@ class Trial:
     def __init__(
         self,
         goal: str,
-        eyes: Eyes,
-        hands: Hands,
-        judge: Judge,
+        observer: SceneObserver,
+        executor: MotionExecutor,
+        evaluator: TermEvaluator,
         known_names: Sequence[str],
         furniture: Mapping[str, KnownFurniture],
         log: Log,
@@ -48,12 +48,12 @@ class Trial:
         if not goal.strip():
             raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
         self.goal = goal
-        self.hands = hands
+        self.executor = executor
         self.log = log
         self.say = say
-        self._judge = judge
+        self._evaluator = evaluator
         self._furniture = furniture
-        self.sight = Sight(goal, known_names, eyes, log, furniture)
+        self.sight = VisualTargets(goal, known_names, observer, log, furniture)
         self.plans: list[Plan] = []
         self.steps: list[StepRecord] = []
 
@@ -88,12 +88,12 @@ class Trial:
         return cause, latest, text
 
     def attempted(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
-        """One attempt of the hands; why nothing was played to its end, or None."""
-        return attempt(self.hands, spec, scene, self.log)[0]
+        """One attempt of the executor; why nothing was played to its end, or None."""
+        return attempt(self.executor, spec, scene, self.log)[0]
 
     def judged(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate) -> tuple[FailureCause | None, str]:
         """Why a term is not seen to be met (None if it is), and what is seen, in a sentence."""
-        return judged(self._judge, term, scene, before, self.log, self.say)
+        return judged(self._evaluator, term, scene, before, self.log, self.say)
 
     def done(self, action: str, cause: FailureCause | None, kind: str = "hands") -> None:
         """Note a step that was tried."""

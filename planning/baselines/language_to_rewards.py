@@ -11,7 +11,7 @@ from control.errors import ReasonerError
 from control.tasks.failure import FailureCause
 from planning.baselines.common import Trial
 from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
 from planning.loop.results import GoalResult, LoopSettings
 from planning.loop.subtask import Scope, spec_for
 from planning.loop.verifier import AsWritten
@@ -23,9 +23,9 @@ def run_language_to_rewards(
     goal: str,
     *,
     reasoner: Reasoner,
-    eyes: Eyes,
-    hands: Hands,
-    judge: Judge,
+    observer: SceneObserver,
+    executor: MotionExecutor,
+    evaluator: TermEvaluator,
     known_names: Sequence[str],
     furniture: Mapping[str, KnownFurniture],
     log: Log,
@@ -38,7 +38,7 @@ def run_language_to_rewards(
 
     Args:
         goal: In plain language; it stands where the loop's prompts have a step.
-        reasoner, eyes, hands, judge, known_names, log, say, by_role: As for the loop.
+        reasoner, observer, executor, evaluator, known_names, log, say, by_role: As for the loop.
         furniture: What is known of the cell's furniture, by name.
         pictures: Not used: none of the questions is about a picture.
         settings: Only `tries` is used.
@@ -48,7 +48,7 @@ def run_language_to_rewards(
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
+    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
     asker = Asker(reasoner, log, (settings or LoopSettings()).tries, by_role)
     scene = trial.sight.look()
     try:

@@ -15,7 +15,7 @@ from planning.baselines.common import Trial
 from planning.language.answers import Plan, parse_completion, parse_plan, parse_yes_no
 from planning.language.furnishings import KnownFurniture
 from planning.language.names import mentioned
-from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
 from planning.loop.perceiver import Perceiver, describe
 from planning.loop.results import GoalResult, LoopSettings
 from planning.loop.subtask import Scope, spec_for
@@ -28,9 +28,9 @@ def run_one_shot_plan(
     goal: str,
     *,
     reasoner: Reasoner,
-    eyes: Eyes,
-    hands: Hands,
-    judge: Judge,
+    observer: SceneObserver,
+    executor: MotionExecutor,
+    evaluator: TermEvaluator,
     known_names: Sequence[str],
     furniture: Mapping[str, KnownFurniture],
     log: Log,
@@ -43,7 +43,7 @@ def run_one_shot_plan(
 
     Args:
         goal: In plain language.
-        reasoner, eyes, hands, judge, known_names, log, say, by_role: As for the loop.
+        reasoner, observer, executor, evaluator, known_names, log, say, by_role: As for the loop.
         furniture: What is known of the cell's furniture, by name.
         pictures: The latest colour pictures, uint8, shape (height, width, 3); they go along with the question for the
             plan, and with the perceiver's.
@@ -56,7 +56,7 @@ def run_one_shot_plan(
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
     settings = settings or LoopSettings()
-    trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
+    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
     asker = Asker(reasoner, log, settings.tries, by_role)
     scene = trial.sight.look()
     fields = {"objects": scene.names, "goal": goal, "facts": describe(scene, furniture)}

@@ -17,11 +17,11 @@ from planning.baselines.domain import distances, sentence, spec_of, symbolic_pro
 from planning.baselines.pddl_text import write_pddl
 from planning.baselines.solver import PLANNER, NoPlanError, solve_files
 from planning.baselines.strips import Action, SymbolicProblem
-from planning.baselines.symbolic_goals import UnplannableError, Wishes, read_wishes
+from planning.baselines.symbolic_goals import SymbolicGoals, UnplannableError, read_symbolic_goals
 from planning.baselines.told import read_told
 from planning.language.answers import Plan
 from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import Eyes, Hands, Judge
+from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
 from planning.loop.results import GoalResult, LoopSettings
 from planning.reasoners.reasoner import Log, Reasoner
 from prompts.contracts import Role
@@ -33,9 +33,9 @@ def run_pddl(
     goal: str,
     *,
     reasoner: Reasoner,
-    eyes: Eyes,
-    hands: Hands,
-    judge: Judge,
+    observer: SceneObserver,
+    executor: MotionExecutor,
+    evaluator: TermEvaluator,
     known_names: Sequence[str],
     furniture: Mapping[str, KnownFurniture],
     log: Log,
@@ -52,7 +52,7 @@ def run_pddl(
     Args:
         goal: In the small language of goals (`planning.language.goal_language`).
         reasoner, pictures, settings, by_role: Not used: no language model is asked.
-        eyes, hands, judge, known_names, log, say: As for the loop.
+        observer, executor, evaluator, known_names, log, say: As for the loop.
         furniture: What is known of the cell's furniture, by name.
         told: What no camera sees, in the form of `planning.baselines.told`.
         keep: Keeps a text as a file of the run, by its name.
@@ -65,11 +65,11 @@ def run_pddl(
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
+    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
     facts = read_told(told, furniture, trial.sight.names)
     first = trial.sight.look()
     try:
-        wishes = read_wishes(goal, first, furniture, facts)
+        wishes = read_symbolic_goals(goal, first, furniture, facts)
         symbols = symbolic_problem(first, furniture, wishes.told, wishes.facts)
         actions = _plan(symbols, log, keep, solver_seconds) if symbols.goal else ()
     except (GoalError, UnplannableError, NoPlanError) as error:
@@ -89,7 +89,7 @@ def run_pddl(
     return judged_goal(trial, wishes, scene, first)
 
 
-def judged_goal(trial: Trial, wishes: Wishes, scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
+def judged_goal(trial: Trial, wishes: SymbolicGoals, scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
     """The end of a symbolic plan that was carried out: what of the goal is seen to hold.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec
 from perception.estimates import SceneEstimate
-from planning.loop.interfaces import AttemptResult, Hands
+from planning.loop.interfaces import AttemptResult, MotionExecutor
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Rehearsal:
     motion: Any
 
 
-class RehearsingHands(Hands, Protocol):
+class RehearsingExecutor(MotionExecutor, Protocol):
     """Hands with a rehearsal."""
 
     def rehearse(

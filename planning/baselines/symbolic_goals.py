@@ -25,7 +25,7 @@ class UnplannableError(ValueError):
 
 
 @dataclass(frozen=True)
-class Wish:
+class SymbolicGoal:
     """What a part of a goal wants.
 
     Attributes:
@@ -40,7 +40,7 @@ class Wish:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class SymbolicGoals:
     """All of a goal.
 
     Attributes:
@@ -48,13 +48,13 @@ class Wishes:
         told: What was told, by a person or in the goal's own words.
     """
 
-    all: tuple[Wish, ...]
+    all: tuple[SymbolicGoal, ...]
     told: Told
 
     @property
-    def lasting(self) -> tuple[Wish, ...]:
-        """Wishes that no later one about the same thing replaces."""
-        last: dict[str, Wish] = {}
+    def lasting(self) -> tuple[SymbolicGoal, ...]:
+        """SymbolicGoals that no later one about the same thing replaces."""
+        last: dict[str, SymbolicGoal] = {}
         for wish in self.all:
             if wish.facts:
                 last.pop(wish.facts[0][1], None)
@@ -67,9 +67,9 @@ class Wishes:
         return frozenset(f for w in self.lasting for f in w.facts)
 
 
-def read_wishes(
+def read_symbolic_goals(
     goal: str, scene: SceneEstimate, furniture: Mapping[str, KnownFurniture], told: Told | None = None
-) -> Wishes:
+) -> SymbolicGoals:
     """The wishes of a goal in the small language of goals.
 
     Args:
@@ -90,7 +90,7 @@ def read_wishes(
         _wish(meant, scene, furniture, situation, away) for c in parsed.clauses for meant in _meant(c, situation, scene)
     )
     locks = tuple(lock for hint in parsed.hints for lock in _locks(hint, situation, scene, furniture))
-    return Wishes(wishes, replace(told, locks=(*told.locks, *locks)))
+    return SymbolicGoals(wishes, replace(told, locks=(*told.locks, *locks)))
 
 
 def _meant(clause: Clause, situation: Situation, scene: SceneEstimate) -> list[Clause]:
@@ -133,7 +133,7 @@ def _wish(
     furniture: Mapping[str, KnownFurniture],
     situation: Situation,
     away: Distances,
-) -> Wish:
+) -> SymbolicGoal:
     """What one clause with exact names wants."""
     a, b = clause.subject, str(clause.target)
     match clause.kind:
@@ -141,7 +141,7 @@ def _wish(
             at = scene.get(a)
             assert at is not None  # names are in view
             x, y, z = at.position
-            return Wish(f"{a} is in view: centre at x {x:.3f}, y {y:.3f}, z {z:.3f} m")
+            return SymbolicGoal(f"{a} is in view: centre at x {x:.3f}, y {y:.3f}, z {z:.3f} m")
         case "open" | "pull" | "close":
             fact, how = ("is-closed", "closed") if clause.kind == "close" else ("is-open", "open")
             # How far a plate went down is nothing that a camera can tell.
@@ -168,6 +168,6 @@ def _wish(
     raise UnplannableError(f"no symbolic action is about '{clause.as_text()}'")
 
 
-def _with_term(text: str, facts: tuple[Fact, ...], skills: list[tuple[str, ...]], away: Distances) -> Wish:
+def _with_term(text: str, facts: tuple[Fact, ...], skills: list[tuple[str, ...]], away: Distances) -> SymbolicGoal:
     specs = [spec_of(skill, away) for skill in skills]
-    return Wish(text, facts, tuple(s.primary for s in specs if s is not None))
+    return SymbolicGoal(text, facts, tuple(s.primary for s in specs if s is not None))

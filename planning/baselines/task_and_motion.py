@@ -26,13 +26,13 @@ from perception.estimates import SceneEstimate
 from planning.baselines.common import Trial
 from planning.baselines.domain import LOOSE, Distances, distances, sentence, spec_of, symbolic_problem
 from planning.baselines.pddl import judged_goal
-from planning.baselines.rehearsal import Rehearsal, RehearsingHands
+from planning.baselines.rehearsal import Rehearsal, RehearsingExecutor
 from planning.baselines.strips import Action, State, SymbolicProblem, TooManyStatesError, shortest_plan, useful
-from planning.baselines.symbolic_goals import UnplannableError, read_wishes
+from planning.baselines.symbolic_goals import UnplannableError, read_symbolic_goals
 from planning.baselines.told import read_told
 from planning.language.answers import Plan
 from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import Eyes, Judge
+from planning.loop.interfaces import SceneObserver, TermEvaluator
 from planning.loop.results import GoalResult, LoopSettings
 from planning.reasoners.reasoner import Log, Reasoner
 from prompts.contracts import Role
@@ -44,9 +44,9 @@ def run_task_and_motion(
     goal: str,
     *,
     reasoner: Reasoner,
-    eyes: Eyes,
-    hands: RehearsingHands,
-    judge: Judge,
+    observer: SceneObserver,
+    executor: RehearsingExecutor,
+    evaluator: TermEvaluator,
     known_names: Sequence[str],
     furniture: Mapping[str, KnownFurniture],
     log: Log,
@@ -63,8 +63,8 @@ def run_task_and_motion(
     Args:
         goal: In the small language of goals (`planning.language.goal_language`).
         reasoner, pictures, settings, by_role, keep: Not used: no language model is asked and no file is written.
-        eyes, judge, known_names, log, say: As for the loop.
-        hands: As for the loop, and able to rehearse.
+        observer, evaluator, known_names, log, say: As for the loop.
+        executor: As for the loop, and able to rehearse.
         furniture: What is known of the cell's furniture, by name.
         told: What no camera sees, in the form of `planning.baselines.told`.
         max_checks: How many motions may be checked in the twin.
@@ -75,16 +75,16 @@ def run_task_and_motion(
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, eyes, hands, judge, known_names, furniture, log, say)
+    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
     facts = read_told(told, furniture, trial.sight.names)
     first = trial.sight.look()
     try:
-        wishes = read_wishes(goal, first, furniture, facts)
+        wishes = read_symbolic_goals(goal, first, furniture, facts)
     except (GoalError, UnplannableError) as error:
         return trial.result(False, str(error), first)
     problem = symbolic_problem(first, furniture, wishes.told, wishes.facts)
     owners = {j.name: f.name for f in furniture.values() for j in f.joints}
-    search = _Search(problem, owners, distances(first, furniture), hands, log, say)
+    search = _Search(problem, owners, distances(first, furniture), executor, log, say)
     found = search.run(first, max_checks)
     if isinstance(found, str):
         return trial.result(False, found, first, search.causes)
@@ -93,16 +93,16 @@ def run_task_and_motion(
         if rehearsal is None:
             continue  # a look inside changes nothing here; the end looks anyway
         trial.say(f"step: {sentence(action)}")
-        cause = _played(hands, rehearsal, str(action.skill[1]))
+        cause = _played(executor, rehearsal, str(action.skill[1]))
         trial.done(sentence(action), cause)
         if cause is not None:
             return trial.result(False, f"'{sentence(action)}' failed: {cause.message}", trial.sight.look())
     return judged_goal(trial, wishes, trial.sight.look() if found.actions else first, first)
 
 
-def _played(hands: RehearsingHands, rehearsal: Rehearsal, subject: str) -> FailureCause | None:
+def _played(executor: RehearsingExecutor, rehearsal: Rehearsal, subject: str) -> FailureCause | None:
     try:
-        result = hands.play(rehearsal)
+        result = executor.play(rehearsal)
     except RefusedError as error:
         return FailureCause("refused_by_robot", subject, str(error), check=error.code)
     if result.ok:
@@ -147,14 +147,14 @@ class _Search:
         problem: SymbolicProblem,
         owners: Mapping[str, str],
         away: Distances,
-        hands: RehearsingHands,
+        executor: RehearsingExecutor,
         log: Log,
         say: Callable[[str], None],
     ) -> None:
         self._problem = problem
         self._owners = owners
         self._away = away
-        self._hands = hands
+        self._executor = executor
         self._log = log
         self._say = say
         self._needs: dict[_Key, State] = {}
@@ -225,7 +225,7 @@ class _Search:
         self._say(f"checking in the twin: {'; '.join(sentence(a) for a in (*before.actions, action))}")
         subject = spec.primary.subject
         try:
-            found = self._hands.rehearse(spec, before.scene, before.last_motion)
+            found = self._executor.rehearse(spec, before.scene, before.last_motion)
         except UnknownObjectError as error:
             found = FailureCause("not_seen", subject, str(error))
         except RewardSpecError as error:

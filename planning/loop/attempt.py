@@ -1,4 +1,4 @@
-"""One attempt of the hands and one look at its result, as typed causes: the same for the loop and for the baselines."""
+"""One attempt of the executor and one look at its result, as typed causes, for loop and baselines."""
 
 from collections.abc import Callable
 
@@ -6,12 +6,12 @@ from control.errors import RefusedError, RewardSpecError, UnknownObjectError
 from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec, RewardTerm
 from perception.estimates import SceneEstimate
-from planning.loop.interfaces import Hands, Judge
+from planning.loop.interfaces import MotionExecutor, TermEvaluator
 from planning.reasoners.reasoner import Log
 
 
 def attempt(
-    hands: Hands, spec: RewardSpec, scene: SceneEstimate, log: Log
+    executor: MotionExecutor, spec: RewardSpec, scene: SceneEstimate, log: Log
 ) -> tuple[FailureCause | None, SceneEstimate | None]:
     """Why nothing was played to its end (None if it was), and the look taken after the motion, if there was one.
 
@@ -20,13 +20,13 @@ def attempt(
     """
     subject = spec.primary.subject
     try:
-        result = hands.attempt(spec, scene)
+        result = executor.attempt(spec, scene)
     except RefusedError as error:
         return FailureCause("refused_by_robot", subject, str(error), check=error.code), None
     except UnknownObjectError as error:
         return FailureCause("not_seen", subject, str(error)), None
     except RewardSpecError as error:
-        # Well-formed, yet nothing that these hands can do: the planner may ask for it in another way.
+        # Well-formed, yet nothing that this executor can do: the planner may ask for it in another way.
         return FailureCause("reasoner_error", subject, str(error)), None
     log("attempt", ok=result.ok, cause=result.cause, stats=result.stats)
     if not result.ok and result.cause is None:
@@ -35,11 +35,16 @@ def attempt(
 
 
 def judged(
-    judge: Judge, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, log: Log, say: Callable[[str], None]
+    evaluator: TermEvaluator,
+    term: RewardTerm,
+    scene: SceneEstimate,
+    before: SceneEstimate,
+    log: Log,
+    say: Callable[[str], None],
 ) -> tuple[FailureCause | None, str]:
     """Why a term is not seen to be met (None if it is), and what is seen, in a sentence."""
     try:
-        judgement = judge(term, scene, before)
+        judgement = evaluator(term, scene, before)
     except UnknownObjectError as error:
         return FailureCause("not_seen", term.subject, str(error)), str(error)
     log("judgement", term=term, met=judgement.met, residual=judgement.residual, text=judgement.text)

@@ -1,4 +1,4 @@
-"""What the loop needs from outside: eyes, hands and a judge. Light: numpy at most."""
+"""What the loop needs from outside: a scene observer, a motion executor and a term evaluator. Light: numpy at most."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from control.tasks.reward_spec import RewardSpec, RewardTerm
 from perception.estimates import SceneEstimate
 
 
-class Eyes(Protocol):
+class SceneObserver(Protocol):
     """Cameras with perception behind them."""
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
@@ -39,7 +39,7 @@ class AttemptResult:
     stats: dict[str, Any] = field(default_factory=dict)
 
 
-class Hands(Protocol):
+class MotionExecutor(Protocol):
     """Motion search, verdict, robot: everything between a reward spec and a played motion."""
 
     def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
@@ -56,7 +56,7 @@ class Hands(Protocol):
         ...
 
 
-class Judgement(Protocol):
+class TermResult(Protocol):
     """Whether a term is met (`control.tasks.predicates.TermJudgement` is one)."""
 
     @property
@@ -69,10 +69,10 @@ class Judgement(Protocol):
     def text(self) -> str: ...
 
 
-class Judge(Protocol):
+class TermEvaluator(Protocol):
     """Judges a primary term on what is seen."""
 
-    def __call__(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> Judgement:
+    def __call__(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> TermResult:
         """Judge `term` on `scene`.
 
         Args:

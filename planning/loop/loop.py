@@ -15,13 +15,13 @@ from planning.language.memory import NOBODY_KNOWS, FailedAttempt, FailedPlan, ca
 from planning.language.names import mentioned
 from planning.loop.attempt import attempt, judged
 from planning.loop.diagnosis import diagnose
-from planning.loop.interfaces import AttemptResult, Eyes, Hands, Judge
+from planning.loop.interfaces import AttemptResult, MotionExecutor, SceneObserver, TermEvaluator
 from planning.loop.learnt import CellMemory
 from planning.loop.perceiver import Perceiver, about, describe
 from planning.loop.results import GoalResult, LoopSettings, StepRecord
 from planning.loop.subtask import Scope, spec_for
 from planning.loop.verifier import AsWritten, Checker, Verifier
-from planning.loop.visual_targets import Sight
+from planning.loop.visual_targets import VisualTargets
 from planning.reasoners.reasoner import Asker, Log, Reasoner
 from prompts.contracts import Role
 
@@ -32,9 +32,9 @@ def run_loop(
     goal: str,
     *,
     reasoner: Reasoner,
-    eyes: Eyes,
-    hands: Hands,
-    judge: Judge,
+    observer: SceneObserver,
+    executor: MotionExecutor,
+    evaluator: TermEvaluator,
     known_names: Sequence[str],
     log: Log,
     say: Callable[[str], None] = lambda text: None,
@@ -48,7 +48,7 @@ def run_loop(
     Args:
         goal: In plain language.
         reasoner: Answers all prompts that `by_role` names no other one for.
-        eyes, hands, judge: The world, see `planning.loop.interfaces`.
+        observer, executor, evaluator: The world, see `planning.loop.interfaces`.
         known_names: Names that the cell says may be there; things that the goal speaks of are looked for besides.
         log: Gets every prompt, answer, fault, drop, reward, vote and verdict.
         say: Gets a line of progress for people at a time.
@@ -68,8 +68,8 @@ def run_loop(
     settings = settings or LoopSettings()
     asker = Asker(reasoner, log, settings.tries, by_role)
     furniture = furniture or {}
-    sight = Sight(goal, known_names, eyes, log, furniture)
-    run = _Run(goal, sight, hands, judge, asker, log, say, furniture, pictures, settings)
+    sight = VisualTargets(goal, known_names, observer, log, furniture)
+    run = _Run(goal, sight, executor, evaluator, asker, log, say, furniture, pictures, settings)
     result = run.reach()
     log("goal_result", reached=result.reached, reason=result.reason, replans=result.replans, causes=result.causes)
     return result
@@ -89,9 +89,9 @@ class _Run:
     """One run's state; `run_loop` is the way in."""
 
     goal: str
-    sight: Sight
-    hands: Hands
-    judge: Judge
+    sight: VisualTargets
+    executor: MotionExecutor
+    evaluator: TermEvaluator
     asker: Asker
     log: Log
     say: Callable[[str], None]
@@ -259,13 +259,13 @@ class _Run:
         except ReasonerError as error:
             self.log("undescribed", action=action, reason=str(error))
             return FailureCause("reasoner_error", action, str(error)), scene
-        cause, after = attempt(self.hands, spec, scene, self.log)
-        latest = after or self._look()  # fresh eyes after every motion, whatever came of it
+        cause, after = attempt(self.executor, spec, scene, self.log)
+        latest = after or self._look()  # a fresh look after every motion, whatever came of it
         if cause is None or cause.evidence.get("grasps_that_held"):
             # A handle that slipped out of the hand is a door that did not follow: what is seen tells whether it did.
             shown = self._judged(spec, latest, scene)
             if shown is not None and shown.kind == "not_achieved":
-                shown = self.hands.explain(spec, latest) or shown
+                shown = self.executor.explain(spec, latest) or shown
             cause = cause if cause is not None and shown is not None and shown.kind == "not_achieved" else shown
         if cause is not None:
             self.say(f"failed: {cause.kind}: {cause.message}")
@@ -277,7 +277,7 @@ class _Run:
 
     def _judged(self, spec: RewardSpec, scene: SceneEstimate, before: SceneEstimate) -> FailureCause | None:
         """None when the primary term is seen to be met."""
-        return judged(self.judge, spec.primary, scene, before, self.log, self.say)[0]
+        return judged(self.evaluator, spec.primary, scene, before, self.log, self.say)[0]
 
     def _diagnose(self, action: str, plan: Plan, cause: FailureCause, scene: SceneEstimate) -> None:
         self.memory.note_failure(cause)
@@ -332,7 +332,7 @@ class _Run:
     def _held_true(self, scene: SceneEstimate) -> str:
         parts = []
         for done in self._lasting():
-            parts.append(self.judge(done.spec.primary, scene, done.before).text)
+            parts.append(self.evaluator(done.spec.primary, scene, done.before).text)
         # The last answer to each question, without the question.
         answers = {o.split("? ", 1)[0]: o.split("? ", 1)[-1].rstrip(".") for o in self.observations}.values()
         return "; ".join(parts or answers) or "all steps were done"

@@ -8,17 +8,17 @@ from perception.estimates import SceneEstimate, Unseen
 from planning.language.furnishings import KnownFurniture
 from planning.language.goal_language import mentioned_phrases, only_compared_with
 from planning.language.names import ANYTHING, SUPPORTS, all_said_of, as_name, candidates, words_of
-from planning.loop.interfaces import Eyes
+from planning.loop.interfaces import SceneObserver
 from planning.reasoners.reasoner import Log
 
 
-class Sight:
+class VisualTargets:
     """Looks for the right names, and knows what of the goal is missing.
 
     Args:
         goal: In plain language.
         known: The cell's names.
-        eyes: Look.
+        observer: Looks.
         log: Gets `goal`, and `unlookable` for a name that the detector has no way to look for.
         furniture: What is known of furniture; words that mean one of its joints mean the furniture.
 
@@ -31,11 +31,11 @@ class Sight:
         self,
         goal: str,
         known: Sequence[str],
-        eyes: Eyes,
+        observer: SceneObserver,
         log: Log,
         furniture: Mapping[str, KnownFurniture] | None = None,
     ) -> None:
-        self._eyes = eyes
+        self._observer = observer
         self._log = log
         known = tuple(dict.fromkeys((*known, *(furniture or {}))))
         self._known = frozenset(known)
@@ -59,7 +59,7 @@ class Sight:
         """
         names = [n for n in self.names if n not in self._unlookable]
         try:
-            scene = self._eyes.look(names)
+            scene = self._observer.look(names)
         except UnknownPhraseError as error:
             if not names:
                 raise
@@ -73,7 +73,7 @@ class Sight:
         found = {}
         for name in suspects if len(suspects) > 1 else ():
             try:
-                self._eyes.look([name])
+                self._observer.look([name])
             except UnknownPhraseError as alone:
                 found[name] = str(alone)
         for name, reason in (found or dict.fromkeys(suspects, str(error))).items():

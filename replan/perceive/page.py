@@ -49,7 +49,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Card:
+class PageCard:
     """One frame on the page; pictures are JPEG as base64 text."""
 
     title: str
@@ -71,7 +71,7 @@ class PerceivePage:
             most: Frames on the page at most.
         """
         self._most = most
-        self._cards: list[Card] = []
+        self._cards: list[PageCard] = []
         self._stride, self._count = 1, 0
 
     @property
@@ -80,7 +80,7 @@ class PerceivePage:
         return self._stride
 
     @property
-    def cards(self) -> tuple[Card, ...]:
+    def cards(self) -> tuple[PageCard, ...]:
         """Frames that are shown."""
         return tuple(self._cards)
 
@@ -146,10 +146,12 @@ class PerceivePage:
         write_page("perceive.html.j2", content, path)
 
 
-def _card(item: KeyedFrame, scene: SceneEstimate, tracks: Sequence[Track], drawn: np.ndarray, picture: Path) -> Card:
+def _card(
+    item: KeyedFrame, scene: SceneEstimate, tracks: Sequence[Track], drawn: np.ndarray, picture: Path
+) -> PageCard:
     depth, (near, far) = depth_picture(item.frame)
     known = float(item.frame.valid_depth.mean())
-    return Card(
+    return PageCard(
         title=f"frame {item.key}, camera {item.frame.camera}, {scene.stamp:.3f} s",
         picture=jpeg_text(_fitted(drawn)),
         picture_file=picture.name,

@@ -11,7 +11,7 @@ from control.errors import ConfigError
 from perception.detection.given import BoxesByFrame, MasksByFrame
 from perception.errors import FrameError
 from perception.estimates import SceneEstimate, Unseen
-from perception.evaluation.recording_detector import OverheardDetector
+from perception.evaluation.recording_detector import RecordingDetector
 from perception.evaluation.scoring import Scores, scores_text
 from perception.geometry.ply import write_ply
 from perception.pictures import overlay
@@ -107,14 +107,14 @@ class _Run:
         self._tally = Tally(self._names)
         self._scored = False
 
-    def _perception_for(self, key: str | None) -> tuple[Perception, OverheardDetector]:
+    def _perception_for(self, key: str | None) -> tuple[Perception, RecordingDetector]:
         """Perception as it looks at one frame, and its detector, which tells all boxes that it drew."""
         detector, segmenter = self._perception.detector, self._perception.segmenter
         if isinstance(self._given, BoxesByFrame):
             detector = self._given.of(key or "")
         elif isinstance(self._given, MasksByFrame):
             detector = segmenter = self._given.of(key or "")
-        overheard = OverheardDetector(detector, options=self._perception.options)
+        overheard = RecordingDetector(detector, options=self._perception.options)
         return replace(self._perception, detector=overheard, segmenter=segmenter), overheard
 
     def report(self) -> PerceiveReport:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from replan.errors import EXPECTED_ERRORS
 from replan.rc.jobs import Job
-from replan.rc.records import ROOT, Action, EpisodeRecord, Setup
+from replan.rc.records import ROOT, EpisodeAction, EpisodeRecord, Setup
 from replan.rc.tasks import RcTask, task_named
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _scored(
         why="; ".join([*([short] if short else []), *harmed]),
         reason=report.reason,
         harmed=harmed,
-        actions=tuple(Action(**a) for a in data["actions"]),
+        actions=tuple(EpisodeAction(**a) for a in data["actions"]),
         motions=report.motions,
         replans=report.replans,
         simulated_steps=report.steps,

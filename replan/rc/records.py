@@ -79,12 +79,12 @@ def code_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-class Action(BaseModel):
+class EpisodeAction(BaseModel):
     """One step that was tried.
 
     Attributes:
         action: As the plan has it.
-        kind: Whether it asked for eyes or hands.
+        kind: Whether it asked for observer or executor.
         ok: Whether it was achieved, as seen afterwards.
         cause: Kind of its failure, or None.
     """
@@ -133,7 +133,7 @@ class EpisodeRecord(BaseModel):
     reason: str = ""
     harmed: tuple[str, ...] = ()
     plans: tuple[tuple[str, ...], ...] = ()
-    actions: tuple[Action, ...] = ()
+    actions: tuple[EpisodeAction, ...] = ()
     motions: int = 0
     replans: int = 0
     simulated_steps: int = 0

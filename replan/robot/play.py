@@ -7,7 +7,7 @@ from typing import Any
 from control.errors import StoppedError
 from control.safety.certificate import Certificate
 from control.trajectory.samples import SAMPLE_TIME, Trajectory
-from hw_interface.cell.client import CellClient, Progress
+from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.link.security import LinkSecurity
 
 SHARES_TOLD = 10  # lines of progress in a motion
@@ -72,7 +72,7 @@ def play(
     """
     told = 0
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: MotionProgress) -> None:
         nonlocal told
         share = progress.played * SHARES_TOLD // progress.samples
         if share > told:

@@ -191,10 +191,10 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
     from planning.reasoners.usage import UsageLog
     from replan.run.episode import Episode
     from replan.run.film import Film
-    from replan.run.motion_executor import TwinCheckedHands
-    from replan.run.scene_observer import CameraEyes
+    from replan.run.motion_executor import TwinCheckedExecutor
+    from replan.run.scene_observer import CameraSceneObserver
     from replan.run.stopwatch import Stopwatch
-    from replan.run.term_evaluator import SeenJudge
+    from replan.run.term_evaluator import SeenTermEvaluator
     from replan.run.true_poses import TruePoses
     from sim_check.furniture.known_models import known_models
     from sim_check.models.known_forms import known_forms
@@ -226,21 +226,21 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             if options.poses == "true":
                 perception = TruePoses(client, tuple(cell.furniture))
             watch = Stopwatch()
-            hands = TwinCheckedHands(client, cell, limits, options.seed, episode, film, options.video, say, watch)
-            eyes = CameraEyes(client, perception, episode, film, say, watch)
+            executor = TwinCheckedExecutor(client, cell, limits, options.seed, episode, film, options.video, say, watch)
+            observer = CameraSceneObserver(client, perception, episode, film, say, watch)
             started = time.monotonic()
             method = METHODS[options.method]
             result = method.run(
                 options.goal,
                 reasoner=reasoner,
-                eyes=eyes,
-                hands=hands,
-                judge=SeenJudge(hands.palm_position, hands.rest_palm_position, cell.furniture),
+                observer=observer,
+                executor=executor,
+                evaluator=SeenTermEvaluator(executor.palm_position, executor.rest_palm_position, cell.furniture),
                 furniture=known_furniture(cell.furniture),
                 known_names=cell.objects,
                 log=counting,
                 say=say,
-                pictures=lambda: eyes.pictures,
+                pictures=lambda: observer.pictures,
                 by_role=by_role,
                 **({"told": options.told, "keep": episode.keep} if method.symbolic else {}),
                 **({"settings": LoopSettings(without=frozenset(options.without))} if options.without else {}),
@@ -258,8 +258,8 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             reached=result.reached,
             reason=result.reason,
             seconds=seconds,
-            steps=hands.steps,
-            motions=hands.trajectories_sent,
+            steps=executor.steps,
+            motions=executor.trajectories_sent,
             replans=result.replans,
             actions=result.steps,
             seconds_by_part=by_part,

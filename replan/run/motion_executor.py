@@ -73,7 +73,7 @@ class _JudgedMotion:
         return _Start(self.trajectory.q[-1], self.twin_after.gripper_width, self.twin_after.held)
 
 
-class TwinCheckedHands:
+class TwinCheckedExecutor:
     """Plans in the twin, judges there, and sends the robot nothing that did not pass.
 
     Args:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from replan.run.true_poses import TruePoses
 
 
-class CameraEyes:
+class CameraSceneObserver:
     """Looks through every camera of the cell at once; furniture is looked for first where the last look saw it.
 
     Args:

@@ -12,7 +12,7 @@ from sim_check.furniture.build import furniture_model
 from sim_check.objects.library import object_model
 
 
-class SeenJudge:
+class SeenTermEvaluator:
     """Puts perceived objects and the measured hand into the definitions that the twin is judged by as well.
 
     Args:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from perception.catalogue.appearance import look_of
+from perception.catalogue.appearance import appearance_of
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Shape, Unseen
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth, TrueObject
@@ -89,7 +89,7 @@ def _estimate(views: Sequence[tuple[RgbdFrame, TrueObject]]) -> ObjectEstimate:
 
 def _solid_of(name: str) -> Shape:
     """The solid that perception fits to a thing of several solids, such as a bowl."""
-    return look_of(name.replace("_", " ")).solid
+    return appearance_of(name.replace("_", " ")).solid
 
 
 def _evidence(frame: RgbdFrame, thing: TrueObject) -> Evidence:

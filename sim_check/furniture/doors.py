@@ -7,7 +7,7 @@ import numpy as np
 from control.twin_model import Handle, TwinCompartment
 from sim_check.cells.furniture_config import BOARD, CabinetConfig, MicrowaveConfig
 from sim_check.furniture.model import Board, FurnitureModel, MovingPart, box, rod
-from sim_check.objects.library import Solid, rgb_of
+from sim_check.objects.library import SolidShape, rgb_of
 
 DOOR_THICKNESS = 0.018
 DOOR_GAP = 0.003  # between the shell's front and a door's back, and around its edges
@@ -187,5 +187,5 @@ def _window(low: np.ndarray, high: np.ndarray) -> Board:
 def stand_off_top(part: MovingPart) -> float:
     """Height of the upper side of a door's lower stand-off in the furniture's frame in [m]: bars lie on it."""
     posts = [b.solid for b in part.boards if b.look == "metal"][1:]
-    lowest: Solid = min(posts, key=lambda s: s.position[2])
+    lowest: SolidShape = min(posts, key=lambda s: s.position[2])
     return float(part.anchor[2] + lowest.position[2] + lowest.half[0])

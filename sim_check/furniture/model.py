@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from control.twin_model import Handle, TwinCompartment, TwinJoint
-from sim_check.objects.library import Solid
+from sim_check.objects.library import SolidShape
 
 Look = Literal["shell", "front", "metal", "glass", "dark", "accent", "hidden"]
 
@@ -26,7 +26,7 @@ class Board:
         solid_to_touch: Whether things bump into it; otherwise it is a picture only.
     """
 
-    solid: Solid
+    solid: SolidShape
     look: Look
     solid_to_touch: bool = True
 
@@ -106,7 +106,7 @@ class FurnitureModel:
 def box(low, high, look: Look) -> Board:
     """A board by its corners in [m]."""
     low, high = np.asarray(low, float), np.asarray(high, float)
-    return Board(Solid("box", (high - low) / 2, (high + low) / 2), look)
+    return Board(SolidShape("box", (high - low) / 2, (high + low) / 2), look)
 
 
 def rod(start, end, radius: float, look: Look) -> Board:
@@ -117,4 +117,4 @@ def rod(start, end, radius: float, look: Look) -> Board:
     # From z to the axis: about y for x, about x for y.
     turned = np.sqrt(0.5)
     quat = {0: [turned, 0.0, turned, 0.0], 1: [turned, turned, 0.0, 0.0], 2: [1.0, 0.0, 0.0, 0.0]}[along]
-    return Board(Solid("capsule", np.array([radius, radius, half]), (start + end) / 2, np.array(quat)), look)
+    return Board(SolidShape("capsule", np.array([radius, radius, half]), (start + end) / 2, np.array(quat)), look)

@@ -8,7 +8,7 @@ covered: its outer links by two fixed boxes, the rest by boxes that move with th
 import mujoco
 import numpy as np
 
-from control.robot.gripper import HAND_TURN, ROBOTIQ_COUPLING, ROBOTIQ_TIP, Mounting, RigidPart
+from control.robot.gripper import HAND_TURN, ROBOTIQ_COUPLING, ROBOTIQ_TIP, GripperMounting, RigidPart
 from control.twin_model import FINGER_BODIES, FINGER_JOINTS, HAND_BODY, TCP_SITE
 from sim_check.models.finger_contacts import PAD_NAMES, PICTURE_GROUP, make_pad, make_shell
 
@@ -44,7 +44,7 @@ def add_robotiq(
     parent: mujoco.MjsBody,
     pos: np.ndarray,
     quat: np.ndarray,
-    mounting: Mounting,
+    mounting: GripperMounting,
     opening: float,
     pictures: bool,
 ) -> list[mujoco.MjsJoint]:

@@ -12,7 +12,7 @@ from control.twin_model import ARM_BODIES, HAND_BODY, TABLE_BODY
 from sim_check.cells.cell_config import CameraConfig, RobotConfig
 from sim_check.models.object_visuals import object_pictures
 from sim_check.models.panda_mjcf import COLLISION_GROUP, PICTURE_GROUP
-from sim_check.objects.library import ObjectModel, Solid
+from sim_check.objects.library import ObjectModel, SolidShape
 
 _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
@@ -92,7 +92,7 @@ def add_object(spec: mujoco.MjSpec, thing: ObjectModel, pose: np.ndarray, pictur
     return body
 
 
-def add_solid(body: mujoco.MjsBody, solid: Solid, **geom) -> mujoco.MjsGeom:
+def add_solid(body: mujoco.MjsBody, solid: SolidShape, **geom) -> mujoco.MjsGeom:
     """Add a primitive to a body, with further attributes of the geom."""
     size = [solid.half[0], solid.half[2], 0.0] if solid.kind in ("cylinder", "capsule") else solid.half
     return body.add_geom(type=_GEOMS[solid.kind], size=size, pos=solid.position, quat=solid.quat, **geom)

@@ -46,7 +46,7 @@ def rgb_of(colour: str) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True)
-class Solid:
+class SolidShape:
     """One primitive of an object's collision body.
 
     Attributes:
@@ -95,7 +95,7 @@ class ObjectModel:
     name: str
     noun: str | None
     extents: np.ndarray
-    solids: tuple[Solid, ...]
+    solids: tuple[SolidShape, ...]
     mass: float
     friction: np.ndarray
     rolls: bool
@@ -201,9 +201,9 @@ def object_model(name: str, extents: np.ndarray | None = None, shape: Shape | No
     elif form == "cylinder":
         radius = (sizes[0] + sizes[1]) / 4
         sizes = np.array([2 * radius, 2 * radius, sizes[2]])
-        solids = (Solid("cylinder", sizes / 2),)
+        solids = (SolidShape("cylinder", sizes / 2),)
     else:
-        solids = (Solid("box", sizes / 2),)
+        solids = (SolidShape("box", sizes / 2),)
     sliding = row.friction if row else UNKNOWN_FRICTION
     return ObjectModel(
         name=name,
@@ -229,12 +229,12 @@ def _colour(name: str, noun: str | None, row: _Noun | None) -> tuple[float, floa
     return COLOURS[named[0] if named else row.colour if row else "grey"]
 
 
-def _round(sizes: np.ndarray) -> tuple[tuple[Solid, ...], np.ndarray]:
+def _round(sizes: np.ndarray) -> tuple[tuple[SolidShape, ...], np.ndarray]:
     """A sphere when the sizes differ by less than a tenth (perception's noise), else an ellipsoid."""
     if sizes.max() < 1.1 * sizes.min():
         sizes = np.full(3, sizes.mean())
-        return (Solid("sphere", sizes / 2),), sizes
-    return (Solid("ellipsoid", sizes / 2),), sizes
+        return (SolidShape("sphere", sizes / 2),), sizes
+    return (SolidShape("ellipsoid", sizes / 2),), sizes
 
 
 def bowl_profile(extents: np.ndarray) -> np.ndarray:
@@ -264,7 +264,7 @@ def bowl_profile(extents: np.ndarray) -> np.ndarray:
     return np.stack([low, high, high + thickness * inwards, low + thickness * inwards])
 
 
-def _bowl(sizes: np.ndarray) -> tuple[tuple[Solid, ...], np.ndarray, float, float]:
+def _bowl(sizes: np.ndarray) -> tuple[tuple[SolidShape, ...], np.ndarray, float, float]:
     """A floor and a ring of leaning boards."""
     radius = (sizes[0] + sizes[1]) / 4
     sizes = np.array([2 * radius, 2 * radius, sizes[2]])
@@ -275,7 +275,7 @@ def _bowl(sizes: np.ndarray) -> tuple[tuple[Solid, ...], np.ndarray, float, floa
     floor = max(_BOWL_FLOOR * sizes[2], 2 * _BOWL_LIFT)
     # Boards meet at the rim; further down they overlap.
     half = np.array([thickness, 2 * np.tan(np.pi / _BOWL_SEGMENTS) * high[0], length]) / 2
-    solids = [Solid("cylinder", np.array([low[0], low[0], floor / 2]), np.array([0, 0, (floor - sizes[2]) / 2]))]
+    solids = [SolidShape("cylinder", np.array([low[0], low[0], floor / 2]), np.array([0, 0, (floor - sizes[2]) / 2]))]
     for angle in 2 * np.pi * np.arange(_BOWL_SEGMENTS) / _BOWL_SEGMENTS:
         position = np.array([centre[0] * np.cos(angle), centre[0] * np.sin(angle), centre[1] - sizes[2] / 2])
         turn, tilt = np.array([angle, lean]) / 2
@@ -288,11 +288,11 @@ def _bowl(sizes: np.ndarray) -> tuple[tuple[Solid, ...], np.ndarray, float, floa
                 np.sin(turn) * np.cos(tilt),
             ]
         )
-        solids.append(Solid("box", half, position, quat))
+        solids.append(SolidShape("box", half, position, quat))
     return tuple(solids), sizes, float(floor), float(inner_high[0])
 
 
-def _kettle(name: str, sizes: np.ndarray) -> tuple[tuple[Solid, ...], Handle]:
+def _kettle(name: str, sizes: np.ndarray) -> tuple[tuple[SolidShape, ...], Handle]:
     """A round body, a spout towards +x, and above the body a bar along x on two posts."""
     half, bar = sizes / 2, _KETTLE_BAR
     radius = min(float(half[1]), sizes[0] * (1 - _KETTLE_SPOUT) / 2)
@@ -304,13 +304,13 @@ def _kettle(name: str, sizes: np.ndarray) -> tuple[tuple[Solid, ...], Handle]:
     post = np.array([0.7 * bar, 0.7 * bar, (height - lid) / 2])
     spout = (half[0] - (middle + 0.8 * radius)) / 2
     solids = (
-        Solid(
+        SolidShape(
             "cylinder", np.array([radius, radius, (lid + half[2]) / 2]), np.array([middle, 0.0, (lid - half[2]) / 2])
         ),
-        Solid("capsule", np.array([bar, bar, reach]), np.array([middle, 0.0, height]), level),
-        Solid("cylinder", post, np.array([middle - reach, 0.0, (lid + height) / 2])),
-        Solid("cylinder", post, np.array([middle + reach, 0.0, (lid + height) / 2])),
-        Solid("cylinder", np.array([0.012, 0.012, spout]), np.array([half[0] - spout, 0.0, 0.6 * lid]), level),
+        SolidShape("capsule", np.array([bar, bar, reach]), np.array([middle, 0.0, height]), level),
+        SolidShape("cylinder", post, np.array([middle - reach, 0.0, (lid + height) / 2])),
+        SolidShape("cylinder", post, np.array([middle + reach, 0.0, (lid + height) / 2])),
+        SolidShape("cylinder", np.array([0.012, 0.012, spout]), np.array([half[0] - spout, 0.0, 0.6 * lid]), level),
     )
     handle = Handle(
         body=name,

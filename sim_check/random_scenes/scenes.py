@@ -24,7 +24,7 @@ from sim_check.furniture.model import FurnitureModel
 from sim_check.models.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.models.render import Offscreen
 from sim_check.models.scene_mjcf import add_object, set_rendering
-from sim_check.objects.library import UNKNOWN_FRICTION, ObjectModel, Solid
+from sim_check.objects.library import UNKNOWN_FRICTION, ObjectModel, SolidShape
 from sim_check.random_scenes.room import Room, add_random_room
 from sim_check.random_scenes.silhouettes import silhouette_area
 from sim_check.random_scenes.things import (
@@ -498,11 +498,11 @@ def _clutter(rng: np.random.Generator, name: str) -> ObjectModel:
         size = np.array([wide, wide, rng.uniform(0.12, 0.3)])
     else:
         size = np.array([rng.uniform(0.01, 0.03), rng.uniform(0.05, 0.1), rng.uniform(0.12, 0.25)])
-    solid: Sequence[Solid] = (Solid("cylinder" if kind in ("disc", "rod") else "box", size / 2),)
+    solid: Sequence[SolidShape] = (SolidShape("cylinder" if kind in ("disc", "rod") else "box", size / 2),)
     if kind == "wedge" and rng.random() < 0.5:
         solid = (
-            Solid("capsule", np.array([0.012, 0.012, size[2] / 2 - 0.012])),
-            Solid("box", np.array([size[1] / 2, 0.008, 0.01]), np.array([0.0, 0.0, size[2] / 4])),
+            SolidShape("capsule", np.array([0.012, 0.012, size[2] / 2 - 0.012])),
+            SolidShape("box", np.array([size[1] / 2, 0.008, 0.01]), np.array([0.0, 0.0, size[2] / 4])),
         )
     friction = np.array([UNKNOWN_FRICTION, 0.005, 0.0008])
     return ObjectModel(

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.frames import CameraIntrinsics
 from sim_check.furniture.model import FurnitureModel
-from sim_check.objects.library import ObjectModel, Solid
+from sim_check.objects.library import ObjectModel, SolidShape
 
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -66,7 +66,7 @@ def _points(solids) -> Iterator[np.ndarray]:
         yield _surface(solid) @ turn.reshape(3, 3).T + solid.position
 
 
-def _surface(solid: Solid) -> np.ndarray:
+def _surface(solid: SolidShape) -> np.ndarray:
     if solid.kind == "box":
         return _CORNERS * solid.half
     if solid.kind == "cylinder":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim_check.objects.library import Solid
+from sim_check.objects.library import SolidShape
 from sim_check.twin.placed import Fixed, Standing
 
 BOTTOM_SLACK = 0.012  # [m] that a perceived bottom may be below what carries it
@@ -66,7 +66,7 @@ def carried_at(s: Standing, ledges: Sequence[Ledge]) -> tuple[float, float]:
     return under, hung
 
 
-def _ledge(solid: Solid, frame: np.ndarray) -> Ledge:
+def _ledge(solid: SolidShape, frame: np.ndarray) -> Ledge:
     local = np.eye(4)
     local[:3, :3], local[:3, 3] = _rotation(np.asarray(solid.quat, float)), solid.position
     pose = frame @ local

@@ -21,7 +21,7 @@ PERTURBED_STRIDE = 5
 
 
 @dataclass(frozen=True)
-class Question:
+class ReplayQuestion:
     """What a trajectory is held against, whatever the twin.
 
     Attributes:
@@ -61,7 +61,7 @@ class Replayed:
         return all(c.ok for c in self.checks)
 
 
-def judge_replay(question: Question, twin: TwinModel, nominal: bool) -> Replayed:
+def judge_replay(question: ReplayQuestion, twin: TwinModel, nominal: bool) -> Replayed:
     """Replay a trajectory in one twin and judge how it went.
 
     Args:

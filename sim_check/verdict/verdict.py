@@ -28,7 +28,7 @@ from control.trajectory.samples import Trajectory
 from control.twin_model import TwinModel
 from sim_check.twin.payloads import held_payloads, loaded_torque
 from sim_check.twin.twin import possible_twins
-from sim_check.verdict.judged_replay import Question, Replayed, judge_replay
+from sim_check.verdict.judged_replay import Replayed, ReplayQuestion, judge_replay
 
 # Least share of perturbed twins that must succeed. A good motion that succeeds nine times in ten gets four of six with
 # a probability of 0.98; one that succeeds every other time, with 0.34.
@@ -126,7 +126,7 @@ def judge_in_detail(
     _require_known(trajectory, twin, handled)
     robot = robot or RobotModel.panda(gripper=twin.gripper)
     carrying = robot if payload is None else robot.with_payload(payload)
-    question = Question(trajectory, spec, handled, safety, palm_at(twin, REST_Q))
+    question = ReplayQuestion(trajectory, spec, handled, safety, palm_at(twin, REST_Q))
     twins = [twin, *possible_twins(twin, rng, perturbed, nthread)]
     replayed: dict[int, Replayed] = {}
     with ThreadPoolExecutor(max(1, nthread)) as pool:

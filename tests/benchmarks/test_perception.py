@@ -15,7 +15,7 @@ from benchmarks.looking.perception import (
     table,
 )
 from perception.detection.colour_shape import ColourShapeDetector
-from perception.evaluation.recording_detector import OverheardDetector
+from perception.evaluation.recording_detector import RecordingDetector
 from perception.evaluation.scoring import Scores
 from sim_check.random_scenes.labelled_pictures import HELD_OUT
 from tests.support.perception_scenes import RED, YELLOW, cube, render
@@ -68,7 +68,7 @@ def test_rows_come_in_order_the_same_thing_is_measured_once_and_missing_weights_
 def test_average_precision_sees_boxes_below_the_threshold_and_the_pose_does_not():
     frame = render([cube(RED, 0.5, 0.1), cube(YELLOW, 0.5, -0.1)])
     (red,) = (d for d in ColourShapeDetector().detect(frame, ["red cube"]))
-    overheard = OverheardDetector(ColourShapeDetector(), threshold=red.score + 0.01)
+    overheard = RecordingDetector(ColourShapeDetector(), threshold=red.score + 0.01)
     assert overheard.detect(frame, ["red cube"]) == []
     assert [d.score for d in overheard.drawn] == [red.score]
     looker = Looker("default")

@@ -23,7 +23,7 @@ from replan.rc.isolation import Interrupted, run_isolated
 from replan.rc.jobs import Job, jobs_text, make_jobs, shard_of
 from replan.rc.paper import AVERAGES, published, published_average
 from replan.rc.ray_backend import ray_backend
-from replan.rc.records import Action, EpisodeRecord, Setup
+from replan.rc.records import EpisodeAction, EpisodeRecord, Setup
 from replan.rc.results import summarise
 from replan.rc.runner import local_backend, run_job, run_jobs
 from replan.rc.tasks import TASKS
@@ -39,7 +39,9 @@ FULL = variant_from("full")
 
 def record_of(job: Job, success: bool = True, **changes) -> EpisodeRecord:
     parts = dict.fromkeys(PARTS, 1.0) | {"planning": 0.5}
-    actions = tuple(Action(action="open door", kind="hands", ok=k > 0, cause=None if k else "locked") for k in range(2))
+    actions = tuple(
+        EpisodeAction(action="open door", kind="hands", ok=k > 0, cause=None if k else "locked") for k in range(2)
+    )
     base = EpisodeRecord(
         setup=SETUP.as_json(),
         job=job.as_json(),

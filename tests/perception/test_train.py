@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.errors import FrameError
-from perception.evaluation.metrics import Question as Answered
+from perception.evaluation.metrics import ScoredQuestion as Answered
 from perception.train.losses import cell_owners, dense_loss, matched_loss, paired_giou
 from perception.train.publish import choose_threshold
 from perception.train.questions import ask

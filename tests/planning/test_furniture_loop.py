@@ -64,9 +64,9 @@ def reach(goal: str, world: FurnishedWorld, log=None, settings=None):
     return run_loop(
         goal,
         reasoner=BuiltinReasoner(),
-        eyes=world,
-        hands=world,
-        judge=world.judge,
+        observer=world,
+        executor=world,
+        evaluator=world.evaluator,
         known_names=tuple(world.places),
         furniture=world.furniture,
         log=log or Journal(),

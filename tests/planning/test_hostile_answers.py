@@ -162,9 +162,9 @@ def test_hundreds_of_runs_with_hostile_answers_end_in_a_result_or_one_of_our_err
             result = run_loop(
                 "place the red cube on the crate",
                 reasoner=reasoner,
-                eyes=world,
-                hands=world,
-                judge=world.judge,
+                observer=world,
+                executor=world,
+                evaluator=world.evaluator,
                 known_names=NAMES,
                 log=log,
                 settings=LoopSettings(max_steps=8),
@@ -192,9 +192,9 @@ def test_a_hostile_name_in_the_scene_ends_the_run_before_anything_moves(name):
         run_loop(
             "place the red cube on the crate",
             reasoner=BuiltinReasoner(),
-            eyes=world,
-            hands=world,
-            judge=world.judge,
+            observer=world,
+            executor=world,
+            evaluator=world.evaluator,
             known_names=(*NAMES, name),
             log=Journal(),
         )
@@ -208,9 +208,9 @@ def test_a_name_that_is_plain_words_is_only_a_name():
     result = run_loop(
         "place the red cube on the crate",
         reasoner=BuiltinReasoner(),
-        eyes=world,
-        hands=world,
-        judge=world.judge,
+        observer=world,
+        executor=world,
+        evaluator=world.evaluator,
         known_names=(*NAMES, name),
         log=Journal(),
     )

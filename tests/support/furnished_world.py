@@ -1,6 +1,7 @@
 """The symbolic world with furniture in it: doors, levers, plates, bolts that nothing shows, things behind closed doors.
 
-It can also say what an attempt would lead to without making it, as hands with a twin can. Shared by tests of baselines.
+It can also say what an attempt would lead to without making it, as an executor with a twin can. Shared by tests of
+baselines.
 """
 
 from collections.abc import Mapping, Sequence
@@ -61,7 +62,7 @@ class FurnishedWorld(World):
             and not all(self.fractions.get(j.name, 0.0) > 0.6 for j in owner.joints)
         )
 
-    # eyes
+    # observer
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
         scene = super().look([n for n in names if n not in self.furniture])
@@ -88,7 +89,7 @@ class FurnishedWorld(World):
             return estimate(name, (base.position[0], base.position[1], raised), (0.05, 0.05, 0.05))
         return super()._estimate(name)
 
-    # hands
+    # executor
 
     def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
         if self.rehearsed_at_first_motion is None:
@@ -157,7 +158,7 @@ class FurnishedWorld(World):
         if term.kind != "set_joint_fraction":
             if term.target in self.furniture and term.kind == "minimize_l2_distance":
                 return self._judge_at(term, scene)
-            return super().judge(term, scene, before)
+            return super().evaluator(term, scene, before)
         seen = {k: v for o in scene.objects for k, v in o.joint_fractions.items()}
         if term.subject not in seen:
             raise UnknownObjectError(f"no joint named '{term.subject}' in this scene; it has {sorted(seen)}")

@@ -1,4 +1,4 @@
-"""A little symbolic world behind the loop's interfaces: boxes that stand on each other, hands that may be blocked.
+"""A little symbolic world behind the loop's interfaces: boxes that stand on each other, executor that may be blocked.
 
 It knows where everything is; the loop sees only what `look` returns. Shared by the tests of planning.
 """
@@ -39,7 +39,7 @@ def estimate(name: str, position: Sequence[float], extents: Sequence[float]) -> 
 
 @dataclass
 class World:
-    """Eyes, hands and judge at once.
+    """Eyes, executor and judge at once.
 
     Attributes:
         places: Each object's place: "table" or the carrier that it is on.
@@ -49,7 +49,7 @@ class World:
         failures: Causes that the next attempts end with, first one first, whatever is asked.
         undo: How many of the next motions are played without effect.
         looks, specs: What was asked so far.
-        explanation: What the hands say of motions that were played without effect.
+        explanation: What the executor say of motions that were played without effect.
     """
 
     places: dict[str, str]
@@ -62,7 +62,7 @@ class World:
     specs: list[RewardSpec] = field(default_factory=list)
     explanation: FailureCause | None = None
 
-    # eyes
+    # observer
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
         self.looks += 1
@@ -90,7 +90,7 @@ class World:
             x, y, z = base.position[0], base.position[1], base.top + SIZE / 2
         return estimate(name, (x, y, z), (width, width, SIZE))
 
-    # hands
+    # executor
 
     def attempt(self, spec: RewardSpec, scene: SceneEstimate) -> AttemptResult:
         self.specs.append(spec)

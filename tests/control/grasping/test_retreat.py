@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from control.grasping.retreat import ways_out
-from control.path_planning.planning_context import Workbench
+from control.path_planning.planning_context import PlanningContext
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.retiming.retime import retime
@@ -47,17 +47,17 @@ def passes(twin: TwinModel, spec: RewardSpec) -> MotionPlan:
     return found
 
 
-def bench(twin: TwinModel, spec: RewardSpec) -> Workbench:
-    return Workbench(twin, read_subtask(spec), SAFETY, LIMITS, arm(), np.random.default_rng(0), spec=spec)
+def context(twin: TwinModel, spec: RewardSpec) -> PlanningContext:
+    return PlanningContext(twin, read_subtask(spec), SAFETY, LIMITS, arm(), np.random.default_rng(0), spec=spec)
 
 
 def test_what_stands_free_is_lifted_and_nothing_else_is_tried():
-    (way,) = ways_out(bench(cubes(), only("minimize_l2_distance", "red_cube", "crate")))
+    (way,) = ways_out(context(cubes(), only("minimize_l2_distance", "red_cube", "crate")))
     assert way.moves.tolist() == [[0.0, 0.0, 0.06]]
 
 
 def test_a_bar_behind_two_handles_slides_out_along_itself_though_it_could_be_lifted_a_little():
-    ways = ways_out(bench(barred(), only("maximize_l2_distance", "bar", "cabinet", 0.5)))
+    ways = ways_out(context(barred(), only("maximize_l2_distance", "bar", "cabinet", 0.5)))
     assert len(ways) == 2
     for way in ways:
         assert way.moves[0] == pytest.approx([0.0, 0.0, 0.005])
@@ -69,7 +69,7 @@ def test_a_cube_in_an_open_cabinet_comes_out_through_the_opening():
     cube = estimate("cube", (0.72, 0.05, 0.195), (0.05, 0.05, 0.05))
     doors = {"cabinet_left_door": 1.0, "cabinet_right_door": 1.0}
     twin = furnished("cabinet", CABINET, 0.62, 0.0, 0.0, doors, cube)
-    (way,) = ways_out(bench(twin, only("set_obj_z_position", "cube", None, 0.4)))
+    (way,) = ways_out(context(twin, only("set_obj_z_position", "cube", None, 0.4)))
     assert way.moves[1][0] == pytest.approx(-(0.72 - 0.62 + 0.12), abs=2e-3)
 
 

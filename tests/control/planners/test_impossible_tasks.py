@@ -12,7 +12,7 @@ from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec, RewardTerm
-from control.tasks.term_conflicts import refuse_contradictions
+from control.tasks.term_conflicts import refuse_term_conflicts
 from sim_check.cells.loading import load_cell
 from sim_check.furniture.build import furniture_model
 from sim_check.twin.twin import build_twin
@@ -240,7 +240,7 @@ def test_terms_that_exclude_each_other_are_both_named_without_any_scene(name, re
     if reverse:
         first, second = second, first
     with pytest.raises(ContradictionError) as error:
-        refuse_contradictions(spec_of(first, second))
+        refuse_term_conflicts(spec_of(first, second))
     assert first.text in str(error.value) and second.text in str(error.value)
     assert "cannot both be met: " in str(error.value)
     assert reverse or why in str(error.value)
@@ -249,7 +249,7 @@ def test_terms_that_exclude_each_other_are_both_named_without_any_scene(name, re
 @pytest.mark.parametrize("name", IN_A_TWIN)
 def test_terms_that_sizes_and_places_exclude_are_found_in_the_twin_and_refused_by_the_search(name):
     first, second, why = IN_A_TWIN[name]
-    refuse_contradictions(spec_of(first, second))  # the terms alone do not say so
+    refuse_term_conflicts(spec_of(first, second))  # the terms alone do not say so
     with pytest.raises(ContradictionError) as error:
         refused(cubes(), spec_of(first, second))
     assert str(error.value) == (
@@ -279,8 +279,8 @@ def test_terms_that_sizes_and_places_exclude_are_found_in_the_twin_and_refused_b
     ],
 )
 def test_terms_that_only_shape_the_way_or_can_be_met_together_are_left_alone(twin, terms):
-    refuse_contradictions(spec_of(*terms))
-    refuse_contradictions(spec_of(*terms), twin())
+    refuse_term_conflicts(spec_of(*terms))
+    refuse_term_conflicts(spec_of(*terms), twin())
 
 
 def test_two_places_of_which_one_holds_the_other_are_one():
@@ -290,4 +290,4 @@ def test_two_places_of_which_one_holds_the_other_are_one():
         estimate("red_cube", (0.45, -0.15, 0.025), CUBE),
     )
     both = spec_of(term(NEAR, "red_cube", "coaster"), term(NEAR, "red_cube", "bowl"))
-    refuse_contradictions(both, twin)
+    refuse_term_conflicts(both, twin)

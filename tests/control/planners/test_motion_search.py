@@ -9,7 +9,7 @@ import pytest
 
 from control.grasping.grasps import BETWEEN_WALLS, STEEPEST_HOLD, grasps
 from control.path_planning.collision_filter import CollisionFilter, Phase
-from control.path_planning.planning_context import Workbench
+from control.path_planning.planning_context import PlanningContext
 from control.path_planning.rrt_connect import rrt_connect, transit
 from control.planners.candidates import candidates
 from control.planners.motion_search import plan_motion
@@ -226,9 +226,9 @@ def test_a_planner_finds_a_way_around_where_the_straight_one_is_obstructed():
 
 def test_variants_of_a_motion_stay_in_one_piece_and_start_where_the_arm_is():
     spec = red_on_crate()
-    bench = Workbench(cubes(), read_subtask(spec), SAFETY, panda_limits(), arm(), np.random.default_rng(0))
-    first = next(candidates(bench))
-    varied = vary(bench, [first], 4)
+    context = PlanningContext(cubes(), read_subtask(spec), SAFETY, panda_limits(), arm(), np.random.default_rng(0))
+    first = next(candidates(context))
+    varied = vary(context, [first], 4)
     assert len(varied) == 4
     for variant in varied:
         np.testing.assert_allclose(variant.segments[0].q[0], cubes().q, atol=1e-9)

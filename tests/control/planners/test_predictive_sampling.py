@@ -19,7 +19,7 @@ from control.robot.dynamics import RobotModel
 from control.robot.limits import panda_limits
 from control.safety.limits import SafetyLimits
 from control.simulation.batches import SimulatedBatch
-from control.simulation.executed_motion import Contact, Piece, joint_path
+from control.simulation.executed_motion import Contact, MotionPiece, joint_path
 from control.tasks.failure import FailureCause
 from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardSpec, RewardTerm
@@ -219,7 +219,7 @@ def test_a_path_is_cut_where_closing_fingers_came_to_a_stop_and_where_they_opene
     width[150:200] = 0.05
     free, grasped = Contact(None, ()), Contact("red_cube", ("table",))
     cuts = [(0, 50, free), (50, 150, grasped), (150, 200, Contact("red_cube", ())), (200, 250, free)]
-    pieces = [Piece(arm_at[a:b], closed[a:b], width[a:b], contact) for a, b, contact in cuts]
+    pieces = [MotionPiece(arm_at[a:b], closed[a:b], width[a:b], contact) for a, b, contact in cuts]
     path = joint_path(twin, pieces, 0.08)
     assert [s.held for s in path.segments] == [None, "red_cube", "red_cube", None]
     commands = [s.gripper for s in path.segments]

@@ -15,7 +15,7 @@ from control.retiming.bounds import MotionBounds
 from control.retiming.path_smoothing import smooth_path
 from control.retiming.retime import retime, retime_with_report
 from control.retiming.segment_timing import RetimingOptions
-from control.retiming.toppra_profile import LARGE_SPEED, PathBounds, fastest_time_law
+from control.retiming.toppra_profile import LARGE_SPEED, PathBounds, fastest_profile
 from control.robot.dynamics import Payload, RobotModel
 from control.robot.limits import panda_limits
 from control.safety.limits import SafetyLimits
@@ -309,7 +309,7 @@ def corner_bounds(parts: int) -> PathBounds:
 
 def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
     bounds = corner_bounds(4)
-    law = fastest_time_law(bounds)
+    law = fastest_profile(bounds)
     # All grid points at once, in x alone: u of an interval is (x_next - x) / (2 delta), and its rows hold at both ends.
     n = len(bounds.s)
     identity = np.eye(n)
@@ -339,24 +339,24 @@ def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
 def test_a_straight_move_takes_the_time_of_the_textbook_at_any_size(length, acceleration):
     s = np.linspace(0.0, length, 201)
     one, top = np.ones((201, 1)), np.sqrt(0.4 * length * acceleration)  # reached after a fifth of the way
-    law = fastest_time_law(PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, top**2 * one[:, 0]))
+    law = fastest_profile(PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, top**2 * one[:, 0]))
     assert law.duration == pytest.approx(length / top + top / acceleration, rel=1e-5)
     free = PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, np.full(201, LARGE_SPEED))
     if length * acceleration < LARGE_SPEED:
-        assert fastest_time_law(free).duration == pytest.approx(2.0 * np.sqrt(length / acceleration), rel=1e-5)
+        assert fastest_profile(free).duration == pytest.approx(2.0 * np.sqrt(length / acceleration), rel=1e-5)
 
 
 def test_where_resting_is_not_allowed_there_is_no_time_law():
     bounds = corner_bounds(1)
     with pytest.raises(RetimingError, match=r"has no time law on \d+ grid points \(FailUncontrollable\); r"):
-        fastest_time_law(replace(bounds, low=bounds.low + 2.0 * LIMITS.qdd, high=bounds.high + 3.0 * LIMITS.qdd))
+        fastest_profile(replace(bounds, low=bounds.low + 2.0 * LIMITS.qdd, high=bounds.high + 3.0 * LIMITS.qdd))
 
 
 def test_a_segment_without_a_time_law_is_named(robot, monkeypatch):
     def refuse(bounds: PathBounds) -> None:
         raise RetimingError(f"has no time law on {len(bounds.s)} grid points")
 
-    monkeypatch.setattr(path_dynamics, "fastest_time_law", refuse)
+    monkeypatch.setattr(path_dynamics, "fastest_profile", refuse)
     with pytest.raises(RetimingError, match=r"segment 'reach' has no time law on \d+ grid points"):
         retime(single(np.array([REST, REST + 0.1])), robot, LIMITS, SAFETY)
 

@@ -23,7 +23,7 @@ from hw_interface.cameras.capture import Capture
 from hw_interface.cameras.mounting import ArmStates, FixedMounting, WristMounting
 from hw_interface.cameras.service import CameraService
 from hw_interface.cameras.source import CameraSource
-from hw_interface.cell.client import CellClient, Progress
+from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import CameraGoneError
 from hw_interface.link.keys import make_keys
@@ -209,7 +209,7 @@ def test_a_camera_on_the_hand_is_where_the_hand_was_when_it_was_exposed(robot: S
     ):
         motion = from_here(client, 1.0, 0.4)
 
-        def look(progress: Progress) -> None:
+        def look(progress: MotionProgress) -> None:
             if len(seen) < 1 + progress.played // 150:
                 seen.append(eye.frames(["wrist"])[0])
 

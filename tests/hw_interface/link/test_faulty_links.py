@@ -12,7 +12,7 @@ from benchmarks.robot_side.faulty_link import Faults, FaultyLink
 from control.errors import RefusedError, RobotGoneError, StackError
 from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
-from hw_interface.cell.client import CellClient, Progress
+from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.cell.operator_lease import Operator
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import MessageError
@@ -79,7 +79,7 @@ def test_a_parted_link_brings_the_arm_to_rest_and_a_healed_one_needs_a_person(ro
         motion = from_here(client, 4.0, 0.3)
         told: list[float] = []
 
-        def pull_the_cable(progress: Progress) -> None:
+        def pull_the_cable(progress: MotionProgress) -> None:
             if progress.played > 500 and not told:
                 parted.part()
                 told.append(time.monotonic())
@@ -113,7 +113,7 @@ def test_a_robot_that_loses_its_router_brings_the_arm_to_rest():
         ):
             motion = from_here(client, 3.0, 0.3)
 
-            def pull_the_cable(progress: Progress) -> None:
+            def pull_the_cable(progress: MotionProgress) -> None:
                 if progress.played > 300:
                     faulty.part()
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from control.errors import ConfigError, RefusedError, RobotGoneError, StoppedError
-from hw_interface.cell.client import CellClient, Progress
+from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.cell.process import SimProcess, start_sim_process
 from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
@@ -60,7 +60,7 @@ def test_a_motion_at_pace_one_takes_its_own_time(client: CellClient):
 
 def test_a_motion_is_played_at_the_speed_that_is_asked_for(client: CellClient):
     motion = from_here(client, 0.5, 0.05)
-    seen: list[Progress] = []
+    seen: list[MotionProgress] = []
     begun = time.monotonic()
     report = client.execute(motion, certificate(motion), seen.append, speed=0.5)
     assert 0.97 <= time.monotonic() - begun < 4.0
@@ -161,7 +161,7 @@ def test_ctrl_c_brings_the_arm_to_rest_before_it_is_raised(client: CellClient):
 def test_a_fault_of_the_watching_program_brings_the_arm_to_rest(client: CellClient):
     motion = from_here(client, 3.0, 0.3)
 
-    def faulty(progress: Progress) -> None:
+    def faulty(progress: MotionProgress) -> None:
         if progress.played > 500:
             raise ZeroDivisionError("in the callback")
 

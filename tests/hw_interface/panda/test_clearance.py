@@ -11,8 +11,8 @@ from control.robot.limits import REST_Q, panda_limits
 from control.trajectory.playback import PROGRESS, Playback
 from control.trajectory.samples import GripperCommand, Trajectory
 from hw_interface.cell.backend import Measured
-from hw_interface.cell.motion_monitor import SupervisionLimits
-from hw_interface.panda.board import RING, Board
+from hw_interface.cell.motion_monitor import MonitorLimits
+from hw_interface.panda.board import RING, ClearanceBoard
 from hw_interface.panda.clearance import JOIN_ROWS, MOST_ROWS, Clearance, ClearedPath, clear
 from hw_interface.panda.cleared_motion import ClearedMotion
 from hw_interface.panda.collision import FREE, HANDLING, thresholds
@@ -141,10 +141,10 @@ def test_a_gripper_command_in_mid_motion_cuts_nothing():
 
 
 def test_two_sides_share_a_board_and_notice_damage():
-    supervisor = Board.create()
+    supervisor = ClearanceBoard.create()
     import os
 
-    player = Board(os.dup(supervisor.descriptor))
+    player = ClearanceBoard(os.dup(supervisor.descriptor))
     assert player.order() is None
     clearance = first_clearance()
     sequence = supervisor.post(3, 1, clearance)
@@ -160,7 +160,7 @@ def test_two_sides_share_a_board_and_notice_damage():
 
 
 def test_measurements_come_in_order_and_those_that_were_lost_are_missed():
-    supervisor = Board.create()
+    supervisor = ClearanceBoard.create()
     for k in range(RING + 500):
         place = supervisor.next_measurement()
         place["q"] = k
@@ -195,7 +195,7 @@ def supervised(motion: ClearedMotion, cleared: ClearedPath, until: int, each: Ca
 
 
 def cleared_motion(thinker: object) -> ClearedMotion:
-    return ClearedMotion(MOTION, "serial", 1.0, gate(), SupervisionLimits(), 0.0, 1, thinker)  # type: ignore[arg-type]
+    return ClearedMotion(MOTION, "serial", 1.0, gate(), MonitorLimits(), 0.0, 1, thinker)  # type: ignore[arg-type]
 
 
 def test_a_motion_is_cleared_piece_by_piece_to_its_end():

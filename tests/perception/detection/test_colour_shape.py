@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.catalogue.appearance import COLOURS, LOOKS, look_of, parse_phrase
+from perception.catalogue.appearance import COLOURS, LOOKS, appearance_of, parse_phrase
 from perception.detection.colour_shape import ColourShapeDetector
 from perception.detection.nms import box_iou, suppress
 from perception.errors import UnknownPhraseError
@@ -114,7 +114,7 @@ def test_a_named_colour_replaces_the_usual_ones():
 
 
 def test_round_nouns_are_fitted_with_round_solids():
-    solids = [look_of(phrase).solid for phrase in ("apple", "bowl", "red cube", "spanner")]
+    solids = [appearance_of(phrase).solid for phrase in ("apple", "bowl", "red cube", "spanner")]
     assert solids == ["sphere", "cylinder", "box", "box"]
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from perception.detection.bundled import DETECTOR_FOLDER, BundledDetector
 from perception.detection.colour_shape import ColourShapeDetector
-from perception.detection.detector_router import ByNounDetector
+from perception.detection.detector_router import DetectorRouter
 from perception.errors import UnknownPhraseError
 from perception.interfaces import Detection
 from perception.pipeline import default_perception
@@ -38,7 +38,7 @@ def frame():
 
 def test_each_phrase_goes_to_the_detector_that_knows_its_noun(frame):
     colour, learned = Asked(0.4), Asked(0.6)
-    both = ByNounDetector(colour, learned, only_kettles)
+    both = DetectorRouter(colour, learned, only_kettles)
     found = both.detect(frame, ["red cube", "kettle", "green kettle", "blue thing"])
     assert colour.phrases == ["red cube", "blue thing"]
     assert learned.phrases == ["kettle", "green kettle"]
@@ -48,12 +48,12 @@ def test_each_phrase_goes_to_the_detector_that_knows_its_noun(frame):
 
 def test_the_learned_detector_is_not_asked_where_colour_and_shape_do(frame):
     colour, learned = Asked(0.4), Asked(0.6)
-    ByNounDetector(colour, learned, only_kettles).detect(frame, ["red cube", "green apple"])
+    DetectorRouter(colour, learned, only_kettles).detect(frame, ["red cube", "green apple"])
     assert learned.phrases == []
 
 
 def test_a_phrase_that_neither_knows_is_refused_with_the_reasons_of_both(frame):
-    both = ByNounDetector(ColourShapeDetector(), Asked(0.6), only_kettles)
+    both = DetectorRouter(ColourShapeDetector(), Asked(0.6), only_kettles)
     with pytest.raises(UnknownPhraseError) as caught:
         both.detect(frame, ["red cube", "spanner"])
     assert str(caught.value).startswith(
@@ -64,7 +64,7 @@ def test_a_phrase_that_neither_knows_is_refused_with_the_reasons_of_both(frame):
 
 def test_the_default_knows_the_nouns_of_the_bundled_weights_too(frame):
     detector = default_perception().detector
-    assert isinstance(detector, ByNounDetector)
+    assert isinstance(detector, DetectorRouter)
     assert isinstance(detector.by_colour, ColourShapeDetector) and isinstance(detector.learned, BundledDetector)
     assert detector.is_for_learned("kettle") and not detector.is_for_learned("blue cube")
     with pytest.raises(UnknownPhraseError, match="nobody here can look for 'spanner'"):

@@ -7,7 +7,7 @@ import pytest
 
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Shape
 from perception.evaluation.metrics import (
-    Question,
+    ScoredQuestion,
     absent_false_positive_rate,
     average_precision,
     compare,
@@ -23,9 +23,9 @@ from perception.interfaces import Detection
 HERE, THERE = (0.0, 0.0, 10.0, 10.0), (50.0, 50.0, 60.0, 60.0)
 
 
-def question(drawn: list[tuple[tuple[float, ...], float]], truth: list[tuple[float, ...]]) -> Question:
+def question(drawn: list[tuple[tuple[float, ...], float]], truth: list[tuple[float, ...]]) -> ScoredQuestion:
     boxes = np.array([box for box, _ in drawn], float).reshape(-1, 4)
-    return Question(boxes, np.array([s for _, s in drawn], float), np.array(truth, float).reshape(-1, 4))
+    return ScoredQuestion(boxes, np.array([s for _, s in drawn], float), np.array(truth, float).reshape(-1, 4))
 
 
 def test_perfect_boxes_have_an_average_precision_of_one():

@@ -27,9 +27,9 @@ def reach(run, goal: str, world: World, names=CUBES, reasoner=None, log=None, **
     return run(
         goal,
         reasoner=reasoner or BuiltinReasoner(),
-        eyes=world,
-        hands=world,
-        judge=world.judge,
+        observer=world,
+        executor=world,
+        evaluator=world.evaluator,
         known_names=names,
         furniture=getattr(world, "furniture", {}),
         log=log or Journal(),

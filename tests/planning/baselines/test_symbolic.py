@@ -6,7 +6,7 @@ from control.errors import ConfigError
 from planning.baselines.domain import distances, sentence, spec_of, symbolic_problem
 from planning.baselines.pddl_text import write_pddl
 from planning.baselines.strips import shortest_plan, useful
-from planning.baselines.symbolic_goals import UnplannableError, read_wishes
+from planning.baselines.symbolic_goals import UnplannableError, read_symbolic_goals
 from planning.baselines.told import Told, read_told
 from sim_check.cells.loading import load_cell
 from sim_check.twin.fixed_poses import fixed_scene
@@ -31,7 +31,7 @@ def facts_of(of: FurnishedWorld):
 
 def plan_for(goal: str, of: FurnishedWorld, *told: str) -> list[str] | None:
     scene = of.look(NAMES)
-    wishes = read_wishes(goal, scene, FURNITURE, read_told(told, FURNITURE, NAMES))
+    wishes = read_symbolic_goals(goal, scene, FURNITURE, read_told(told, FURNITURE, NAMES))
     problem = symbolic_problem(scene, FURNITURE, wishes.told, wishes.facts)
     plan = shortest_plan(useful(problem.actions(), wishes.facts), problem.initial, wishes.facts)
     return None if plan is None else [sentence(a) for a in plan]
@@ -110,12 +110,12 @@ def test_told_facts_that_cannot_be_read_say_what_would_be_valid(told, message):
 
 def test_doors_and_levers_are_wished_for_by_furniture_or_by_joint():
     scene = world(fractions={"cupboard_left_door": 1.0}).look(NAMES)
-    both = read_wishes("open the cupboard", scene, FURNITURE)
+    both = read_symbolic_goals("open the cupboard", scene, FURNITURE)
     assert both.facts == {("is-open", "cupboard_left_door"), ("is-open", "cupboard_right_door")}
     assert [(t.kind, t.value) for w in both.all for t in w.terms] == [("set_joint_fraction", 1.0)] * 2
-    one = read_wishes("close the left door of the cupboard", scene, FURNITURE)
+    one = read_symbolic_goals("close the left door of the cupboard", scene, FURNITURE)
     assert one.facts == {("is-closed", "cupboard_left_door")}
-    rod = read_wishes("pull the lever", scene, FURNITURE)
+    rod = read_symbolic_goals("pull the lever", scene, FURNITURE)
     assert rod.facts == {("is-open", "lever_rod")}
 
 
@@ -143,12 +143,12 @@ def test_clearing_a_thing_is_moving_away_what_rests_on_it():
 )
 def test_goals_without_symbols_say_why(goal, message):
     with pytest.raises(UnplannableError, match=message):
-        read_wishes(goal, world().look(NAMES), FURNITURE)
+        read_symbolic_goals(goal, world().look(NAMES), FURNITURE)
 
 
 def test_of_two_wishes_about_one_thing_the_later_one_lasts():
     goal = "put the red cube on the crate; then take the red cube off the crate; then put the yellow cube on the crate"
-    wishes = read_wishes(goal, world().look(NAMES), FURNITURE)
+    wishes = read_symbolic_goals(goal, world().look(NAMES), FURNITURE)
     assert [w.text for w in wishes.lasting] == ["move red_cube away from crate", "place yellow_cube on crate"]
 
 
@@ -172,7 +172,7 @@ def test_things_are_put_further_away_from_furniture_than_from_each_other():
 def test_the_text_has_the_scene_and_what_was_told():
     told = read_told(("cupboard_left_door is locked until lever_rod is open",), FURNITURE, NAMES)
     scene = world().look(NAMES)
-    goal = read_wishes("put the red cube in the cupboard", scene, FURNITURE).facts
+    goal = read_symbolic_goals("put the red cube in the cupboard", scene, FURNITURE).facts
     text = write_pddl(symbolic_problem(scene, FURNITURE, told, goal), "scene")
     assert "(:requirements :strips :typing)" in text.domain
     assert "(rests-on yellow_cube crate)" in text.problem and "(is-closed cupboard_left_door)" in text.problem
@@ -205,7 +205,7 @@ def test_scenes_that_come_with_the_program_have_plans(cell, goal, steps):
     config = load_cell(cell, {})
     furniture = known_furniture(config.furniture)
     scene = fixed_scene(config.poses, config.furniture, 0.0, 0.0)
-    wanted = read_wishes(goal, scene, furniture).facts
+    wanted = read_symbolic_goals(goal, scene, furniture).facts
     problem = symbolic_problem(scene, furniture, Told(), wanted)
     plan = shortest_plan(useful(problem.actions(), wanted), problem.initial, wanted)
     assert plan is not None and len(plan) == steps

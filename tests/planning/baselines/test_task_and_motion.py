@@ -27,9 +27,9 @@ def reach(goal: str, world: FurnishedWorld, log=None, **more):
     return run_task_and_motion(
         goal,
         reasoner=BuiltinReasoner(),
-        eyes=world,
-        hands=world,
-        judge=world.judge,
+        observer=world,
+        executor=world,
+        evaluator=world.evaluator,
         known_names=tuple(world.places),
         furniture=world.furniture,
         log=log or Journal(),

@@ -148,9 +148,9 @@ def test_runs_with_spoiled_answers_end_in_words_and_say_what_is_seen():
             result = run_loop(
                 "place the red cube on the crate",
                 reasoner=noisy,
-                eyes=world,
-                hands=world,
-                judge=world.judge,
+                observer=world,
+                executor=world,
+                evaluator=world.evaluator,
                 known_names=NAMES,
                 log=log,
             )

@@ -82,9 +82,9 @@ def test_recording_noise_and_replay_fit_together(tmp_path):
                 "place the red cube on the crate",
                 reasoner=default,
                 by_role=by_role,
-                eyes=world,
-                hands=world,
-                judge=world.judge,
+                observer=world,
+                executor=world,
+                evaluator=world.evaluator,
                 known_names=CUBES,
                 log=log,
             )
@@ -109,9 +109,9 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
             run_loop(
                 "place the red cube on the crate",
                 reasoner=default,
-                eyes=world,
-                hands=world,
-                judge=world.judge,
+                observer=world,
+                executor=world,
+                evaluator=world.evaluator,
                 known_names=CUBES,
                 log=log,
             )
@@ -125,7 +125,7 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
 def test_rules_cost_nothing():
     log = UsageLog(Journal())
     world = World(dict.fromkeys(CUBES, "table"), frozenset({"crate"}))
-    parts = {"eyes": world, "hands": world, "judge": world.judge}
+    parts = {"observer": world, "executor": world, "evaluator": world.judge}
     run_loop("place the red cube on the crate", reasoner=BuiltinReasoner(), known_names=CUBES, log=log, **parts)
     total = log.total()
     assert total.questions > 3 and (total.tokens_in, total.tokens_out, total.cost) == (0, 0, 0.0)

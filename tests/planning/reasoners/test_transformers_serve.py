@@ -76,9 +76,9 @@ def test_a_run_with_nonsense_ends_with_the_last_fault_and_nothing_moved(served):
                 "place the red cube on the crate",
                 reasoner=default,
                 by_role=by_role,
-                eyes=world,
-                hands=world,
-                judge=world.judge,
+                observer=world,
+                executor=world,
+                evaluator=world.evaluator,
                 known_names=("crate", "red_cube"),
                 log=counting,
             )
