@@ -11,7 +11,7 @@ from control.errors import ConfigError, MachineError, RobotGoneError
 if TYPE_CHECKING:
     import zenoh
 
-    from hw_interface.cameras.mounting import Mounting
+    from hw_interface.cameras.mounting import CameraMounting
     from hw_interface.cameras.source import CameraSource
     from sim_check.cells.loading import CameraConfig, CellConfig
 
@@ -133,7 +133,7 @@ def _check_cell(session: "zenoh.Session", cell: "CellConfig") -> None:
         )
 
 
-def _mounting(session: "zenoh.Session", cell: "CellConfig", camera: "CameraConfig") -> "Mounting":
+def _mounting(session: "zenoh.Session", cell: "CellConfig", camera: "CameraConfig") -> "CameraMounting":
     from hw_interface.cameras.mounting import FixedMounting, WristMounting
 
     if camera.mounting == "static":

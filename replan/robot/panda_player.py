@@ -35,14 +35,14 @@ def main() -> int:
     from control.errors import StackError
     from hw_interface.link.memory import keep_memory
     from hw_interface.messages.robot import Refusal
-    from hw_interface.panda.board import Board
+    from hw_interface.panda.board import ClearanceBoard
     from hw_interface.panda.link import Link
     from hw_interface.panda.player import Player, connect, missing_mass, ready
     from replan.robot.gate import cell_gate
 
     keep_memory()
     link = Link(Connection(options.link_fd))
-    board = Board(options.board_fd)
+    board = ClearanceBoard(options.board_fd)
     try:
         gate, _ = cell_gate(options.cell, options.option)
         robot, libfranka = connect(options.address, options.realtime)

@@ -37,7 +37,7 @@ from sim_check.twin.twin import build_twin, possible_twins, worlds_to_try
 from sim_check.verdict.verdict import judge_trajectory
 
 if TYPE_CHECKING:
-    from hw_interface.cell.client import CellClient, ExecutionReport, Progress
+    from hw_interface.cell.client import CellClient, ExecutionReport, MotionProgress
 
 MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
 
@@ -339,7 +339,7 @@ class TwinCheckedExecutor:
             measured=path.name,
         )
 
-    def _on_progress(self, progress: "Progress") -> None:
+    def _on_progress(self, progress: "MotionProgress") -> None:
         """Film at FILM_RATE of the motion's own time, whatever its speed and the pace of a simulated cell."""
         if not self._filming:
             return
