@@ -1,4 +1,4 @@
-"""The folders import each other only along the design's arrows, and the command line starts fast."""
+"""Folders and the rooms in them import each other only along the design's arrows; the command line starts fast."""
 
 import ast
 import subprocess
@@ -17,6 +17,79 @@ ARROWS = {
     "planning": {"control", "perception", "hw_interface", "sim_check", "prompts"},
     "replan": {"control", "perception", "hw_interface", "sim_check", "prompts", "planning"},
 }
+# The rooms (sub-packages) of each folder, and which rooms of the same folder each may import. A room may also import
+# the modules that lie directly in its folder, unless these stand on top of the rooms (ON_TOP).
+ROOMS = {
+    "perception": {
+        "catalogue": set(),
+        "tracking": set(),
+        "ros2": set(),
+        "geometry": {"catalogue"},
+        "recordings": {"geometry", "ros2"},
+        "known_shapes": {"catalogue", "geometry"},
+        "detection": {"catalogue", "geometry"},
+        "evaluation": {"detection"},
+        "train": {"detection", "evaluation"},
+    },
+    "control": {
+        "robot": set(),
+        "trajectory": {"robot"},
+        "safety": {"robot", "trajectory"},
+        "tasks": {"robot", "safety"},
+        "retiming": {"robot", "safety", "trajectory"},
+        "motion_files": {"robot", "trajectory"},
+        "path_planning": {"robot", "safety", "tasks"},
+        "simulation": {"robot", "trajectory", "safety", "tasks", "path_planning"},
+        "grasping": {"robot", "trajectory", "safety", "tasks", "path_planning"},
+        "planners": {"robot", "trajectory", "safety", "tasks", "path_planning", "simulation", "grasping"},
+    },
+    "hw_interface": {
+        "messages": set(),
+        "link": {"messages"},
+        "cameras": {"messages", "link"},
+        "cell": {"messages", "link", "cameras"},
+        "simulated": {"link", "cell"},
+        "panda": {"messages", "cell"},
+        "robotiq": {"panda"},
+        "ros2": {"messages", "link", "cell"},
+        "fci_simulator": {"messages", "link", "cameras", "cell", "simulated"},
+    },
+    "sim_check": {
+        "objects": set(),
+        "cells": set(),
+        "models": {"cells", "objects"},
+        "furniture": {"cells", "objects", "models"},
+        "twin": {"cells", "objects", "models", "furniture"},
+        "diagnosis": {"twin"},
+        "verdict": {"twin"},
+        "world": {"cells", "objects", "models", "furniture", "twin"},
+        "random_scenes": {"cells", "objects", "models", "furniture", "world"},
+    },
+    "planning": {
+        "language": set(),
+        "builtin": {"language"},
+        "reasoners": {"language", "builtin"},
+        "loop": {"language", "reasoners"},
+        "baselines": {"language", "builtin", "reasoners", "loop"},
+    },
+    "replan": {
+        "reports": set(),
+        "doctor": set(),
+        "robot": set(),
+        "run": {"robot"},
+        "validate": {"reports", "run"},
+        "perceive": {"reports"},
+        "rc": {"reports", "run"},
+        "commands": {"doctor", "robot", "run", "validate", "perceive", "rc"},
+    },
+}
+ON_TOP = {"perception.pipeline", "perception.scene_file", "replan.main"}
+# The simulated cell's truth, and who scores against what truly was there: nobody else may know either.
+TRUTH = {
+    "sim_check.world": {"replan.robot", "sim_check.random_scenes"},
+    "perception.evaluation": {"perception.train", "replan.perceive"},
+}
+WIDEST = 20  # modules directly in one folder
 HEAVY = ("torch", "open3d", "transformers", "mujoco", "cv2", "pinocchio", "matplotlib")
 
 
@@ -40,6 +113,76 @@ def test_a_folder_imports_only_what_the_design_allows(folder):
         assert not forbidden, f"{file.relative_to(ROOT)} imports {sorted(forbidden)}"
 
 
+def modules() -> dict[str, Path]:
+    """Files of the folders by dotted name; a package stands for its `__init__.py`."""
+    files = {}
+    for file in (file for folder in ARROWS for file in (ROOT / folder).rglob("*.py")):
+        parts = file.relative_to(ROOT).with_suffix("").parts
+        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return files
+
+
+def imported_modules(file: Path, known: dict[str, Path]) -> set[str]:
+    """Modules of the folders that a file imports, wherever in the file it does."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names if alias.name in known}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                names |= {inner if inner in known else node.module} & set(known)
+    return names
+
+
+def room_of(module: str, known: dict[str, Path]) -> str:
+    """The room that a module lies in, as "folder.room", or the module itself where it lies in none."""
+    folder, *rest = module.split(".")
+    inside = len(rest) > 1 or (rest and known[module].name == "__init__.py")
+    return f"{folder}.{rest[0]}" if inside else module
+
+
+@pytest.mark.parametrize("folder", sorted(ROOMS))
+def test_a_room_imports_only_what_its_folder_allows(folder):
+    known, rooms = modules(), ROOMS[folder]
+    for module, file in known.items():
+        room = room_of(module, known)
+        if not room.startswith(folder + ".") or room == module:
+            continue
+        name = room.split(".")[1]
+        assert name in rooms, f"'{room}' is a room that this table does not have"
+        assert ast.get_docstring(ast.parse((ROOT / folder / name / "__init__.py").read_text())), f"{room} says nothing"
+        for other in imported_modules(file, known):
+            target = room_of(other, known)
+            if target.startswith(folder + ".") and target != room:
+                allowed = target not in ON_TOP if target == other else target.split(".")[1] in rooms[name]
+                assert allowed, f"{module} imports {other}; '{room}' may import {sorted(rooms[name])}"
+
+
+@pytest.mark.parametrize("folder", sorted(ROOMS))
+def test_no_circle_runs_through_the_rooms(folder):
+    left = {name: set(allowed) for name, allowed in ROOMS[folder].items()}
+    while free := [name for name, allowed in left.items() if not allowed]:
+        left = {name: allowed - set(free) for name, allowed in left.items() if name not in free}
+    assert not left, f"rooms of {folder} that import each other in a circle: {sorted(left)}"
+
+
+def test_only_scorers_and_the_simulated_cell_know_the_truth():
+    known = modules()
+    for module, file in known.items():
+        for other in imported_modules(file, known):
+            told = TRUTH.get(room_of(other, known))
+            assert told is None or room_of(module, known) in {*told, room_of(other, known)}, f"{module} imports {other}"
+
+
+def test_no_folder_is_too_wide():
+    for folder in {file.parent for top in (*ARROWS, "tests", "benchmarks") for file in (ROOT / top).rglob("*.py")}:
+        wide = [file.name for file in folder.glob("*.py") if file.name != "__init__.py"]
+        assert len(wide) <= WIDEST, (
+            f"{folder.relative_to(ROOT)} holds {len(wide)} modules; a folder has {WIDEST} at most"
+        )
+
+
 def modules_after(statement: str) -> set[str]:
     """Names of the modules that a fresh interpreter has loaded after a statement."""
     code = f"import sys\n{statement}\nprint(' '.join(sys.modules))"
@@ -55,7 +198,7 @@ def test_the_command_line_imports_nothing_heavy_before_a_command_is_run():
 def test_a_robot_side_reads_and_verifies_a_certificate_without_twin_and_robot_model(tmp_path):
     from control.motion_files.trajectory_file import write_trajectory
     from control.safety.certificate_file import write_certificate
-    from tests.support.hw_support import certificate, swing
+    from tests.support.robot_side.hw_support import certificate, swing
 
     motion = swing(0.2, 0.01)
     write_trajectory(tmp_path / "motion.npz", motion)

@@ -6,7 +6,7 @@ import numpy as np
 
 from control.robot.limits import RobotLimits
 from control.trajectory.samples import SAMPLE_TIME
-from tests.support.control_boxes import along, swing
+from tests.support.robot_side.control_boxes import along, swing
 
 
 @dataclass(frozen=True)

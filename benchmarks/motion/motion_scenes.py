@@ -17,7 +17,7 @@ from perception.estimates import SceneEstimate
 from sim_check.cells.loading import load_cell
 from sim_check.twin.twin import build_twin, perturbed_twin
 from sim_check.world.world import build_world
-from tests.support.sim_scenes import estimate, exact_scene, with_errors
+from tests.support.scenes.sim_scenes import estimate, exact_scene, with_errors
 
 OPEN_WIDTH = 0.08  # [m]
 # Of the model mismatch: largest errors of furniture in [m], of loose things in [m] and [rad].

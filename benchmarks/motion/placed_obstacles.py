@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.motion.base_motions import Base
 from control.errors import StackError
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TCP_SITE, TwinModel
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.sim_scenes import estimate
 
 NAME = "obstacle"
 TRIES = 45  # places that are tried

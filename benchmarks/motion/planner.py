@@ -30,8 +30,8 @@ from control.safety.limits import SafetyLimits
 from control.simulation.batches import SimulatedBatch
 from control.tasks.reward_spec import RewardSpec
 from control.twin_model import TwinModel
-from tests.support.furniture_scenes import cabinet, sliding, with_cube
-from tests.support.motion_scenes import cubes, fruit, only, red_on_crate
+from tests.support.scenes.furniture_scenes import cabinet, sliding, with_cube
+from tests.support.scenes.motion_scenes import cubes, fruit, only, red_on_crate
 
 TASKS: dict[str, Callable[[], tuple[TwinModel, RewardSpec]]] = {
     "place a cube on a crate": lambda: (cubes(), red_on_crate()),

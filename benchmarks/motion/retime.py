@@ -38,7 +38,7 @@ from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.on_path_stop import stop_on_path
 from control.trajectory.playback import Playback
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment
-from tests.support.arm_paths import REST, noisy, pick_and_place, polyline, random_path
+from tests.support.scenes.arm_paths import REST, noisy, pick_and_place, polyline, random_path
 
 CHUNK = 500  # samples compared with the polyline at once; bounds memory
 BOUND_GRID = RetimingOptions(grid=2000)  # finer ones change the bound by less than 0.3 %

@@ -34,7 +34,7 @@ from control.errors import RefusedError, StackError
 from control.trajectory.samples import SAMPLE_TIME, Trajectory, TrajectorySegment
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.gate import Gate
-from tests.support.control_boxes import swing
+from tests.support.robot_side.control_boxes import swing
 
 COMPLETED = "completed"
 

@@ -41,7 +41,7 @@ from hw_interface.panda.scheduling import in_own_scheduling
 from sim_check.cells.loading import load_cell
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.control_boxes import desired, play, robot_at, swing
+from tests.support.robot_side.control_boxes import desired, play, robot_at, swing
 
 NAME = re.compile(r'\["([^\]]*)"\]')
 COMPLETED = "completed"

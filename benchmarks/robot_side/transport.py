@@ -52,7 +52,7 @@ from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, FrameRequest, RobotState
 from hw_interface.messages.wire import encode
 from perception.frames import CameraIntrinsics, RgbdFrame
-from tests.support.hw_support import certificate, from_here, perfect_driver, robot_process, until
+from tests.support.robot_side.hw_support import certificate, from_here, perfect_driver, robot_process, until
 
 WIDTH, HEIGHT = 1280, 720
 LENGTH = 8.0  # [s] of motion
@@ -104,7 +104,7 @@ def deliveries(count: int, machine: str, kind: str, checks: str) -> list[Row]:
     """Motions delivered to, and accepted by, a robot process without physics, which plays them as fast as it goes.
 
     Args:
-        kind: Of `tests.support.hw_robot_process`.
+        kind: Of `tests.support.robot_side.hw_robot_process`.
         checks: What its gate holds samples against, for the table.
     """
     accepted, lost = [], 0

@@ -13,7 +13,7 @@ from benchmarks.judging.diagnosis import CASES, Errors, Score, check_truth, perc
 from control.errors import StackError
 from sim_check.cells.loading import load_cell
 from sim_check.world.world import build_world
-from tests.support.motion_scenes import arm
+from tests.support.scenes.motion_scenes import arm
 
 BY_NAME = {c.name: c for c in CASES}
 

@@ -18,7 +18,7 @@ from perception.detection.colour_shape import ColourShapeDetector
 from perception.evaluation.recording_detector import RecordingDetector
 from perception.evaluation.scoring import Scores
 from sim_check.random_scenes.labelled_pictures import HELD_OUT
-from tests.support.perception_scenes import RED, YELLOW, cube, render
+from tests.support.scenes.perception_scenes import RED, YELLOW, cube, render
 
 
 def test_frames_depend_on_their_seed_alone_and_training_never_sees_them():

@@ -14,7 +14,7 @@ from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
 from control.simulation.batches import SimulatedBatch, simulate
-from tests.support.motion_scenes import arm
+from tests.support.scenes.motion_scenes import arm
 
 ROOT = Path(__file__).resolve().parents[2]
 LIFT = "lift a cube"

@@ -13,7 +13,7 @@ from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.motions import MotionResult, TrajectoryRequest
 from hw_interface.messages.robot import RobotState, SpeedRequest, StopRequest
 from hw_interface.messages.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode, seal
-from tests.support.hw_support import blank_frame, certificate, joined, perfect_driver, swing
+from tests.support.robot_side.hw_support import blank_frame, certificate, joined, perfect_driver, swing
 
 
 def envelope(kind: str, body: object, protocol: int = PROTOCOL_VERSION) -> bytes:

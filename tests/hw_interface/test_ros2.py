@@ -35,7 +35,7 @@ from hw_interface.ros2.type_hashes import type_hash
 from hw_interface.ros2.view import WORLD, MountedCamera, Ros2View
 from perception.ros2.cdr import DEFINITIONS
 from replan.robot.ros2_view import Ros2Options, show_ros2
-from tests.support.hw_support import (
+from tests.support.robot_side.hw_support import (
     FIRMWARE,
     PROFILE,
     blank_frame,
@@ -45,8 +45,8 @@ from tests.support.hw_support import (
     robot_process,
     until,
 )
-from tests.support.ros2_decoding import decode_again, decode_ros2
-from tests.support.ros2_messages import DEFINITIONS as KNOWN_DEFINITIONS
+from tests.support.robot_side.ros2_decoding import decode_again, decode_ros2
+from tests.support.robot_side.ros2_messages import DEFINITIONS as KNOWN_DEFINITIONS
 
 STAMP = 1_700_000_000.25
 # As rosidl generates them: found in the generated code and recordings of Iron, Jazzy, Kilted and Rolling.
@@ -184,7 +184,7 @@ def test_the_mode_and_diagnostics_come_when_the_mode_changes_and_every_second():
 
 
 def test_a_motion_keeps_its_ends_and_a_point_every_ten_milliseconds():
-    from tests.support.hw_support import swing
+    from tests.support.robot_side.hw_support import swing
 
     motion = swing(0.503, 0.2)
     message = a_view().trajectory(motion, STAMP)

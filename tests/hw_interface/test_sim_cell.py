@@ -15,8 +15,8 @@ from hw_interface.cell.client import CellClient
 from hw_interface.cell.driver import Driver
 from hw_interface.cell.process import SimProcess
 from hw_interface.simulated.sim_backend import SimBackend
-from tests.support.hw_sim_world import CubeWorld
-from tests.support.hw_support import certificate, gate, joined, robot_process, swing
+from tests.support.robot_side.hw_sim_world import CubeWorld
+from tests.support.robot_side.hw_support import certificate, gate, joined, robot_process, swing
 
 GRASP_HEIGHT = 0.02  # of the tool centre point over the table in [m]
 

@@ -7,7 +7,7 @@ from perception.catalogue.colour_words import colour_word
 from perception.pipeline import default_perception
 from perception.scene_file import LookRecord
 from sim_check.objects.library import COLOURS
-from tests.support.perception_scenes import BLUE, RED, Thing, cube, render
+from tests.support.scenes.perception_scenes import BLUE, RED, Thing, cube, render
 
 
 def spread(rgb, light=1.0, noise=4.0, n=400):

@@ -12,7 +12,7 @@ from perception.geometry.ply import write_ply
 from perception.interfaces import Detection
 from perception.pictures import overlay
 from perception.pipeline import STAGES, Perception, default_perception, perception_from_options
-from tests.support.perception_scenes import BLUE, GREEN, RED, WOOD, YELLOW, Thing, cube, render
+from tests.support.scenes.perception_scenes import BLUE, GREEN, RED, WOOD, YELLOW, Thing, cube, render
 
 # Stereo noise at 0.8 m is 5 mm a point; outlines and averages bring a centre to 1 to 2 mm, seldom to 4.
 NEAR = 0.005

@@ -12,8 +12,8 @@ import pytest
 
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.loop import LoopSettings, run_loop
-from tests.support.furnished_world import FurnishedWorld, piece
-from tests.support.symbolic_world import Journal
+from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.symbolic_world import Journal
 
 COLOURS = ("red", "yellow", "green", "blue", "orange", "purple", "white", "black")
 THINGS = ("cube", "apple", "lemon", "can", "ball", "cup", "banana")

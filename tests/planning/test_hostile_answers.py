@@ -15,8 +15,8 @@ from planning.language.reward_program import parse_reward_answer
 from planning.loop.loop import LoopSettings, run_loop
 from planning.reasoners.structured_answers import OBJECTS, as_answer
 from prompts.contracts import CONTRACTS
-from tests.support.hostile_answers import FRAGMENTS, JOINTS, NAMES, hostile
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.hostile_answers import FRAGMENTS, JOINTS, NAMES, hostile
+from tests.support.models.symbolic_world import Journal, World
 
 RIGHT = {
     "yes_no": "yes",

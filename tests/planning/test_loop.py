@@ -13,7 +13,7 @@ from control.errors import ContradictionError, GoalError, ReasonerError, Refused
 from control.tasks.failure import FailureCause
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.loop import LoopSettings, run_loop
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.symbolic_world import Journal, World
 
 ROOT = Path(__file__).resolve().parents[2]
 CUBES = ("crate", "red_cube", "yellow_cube")

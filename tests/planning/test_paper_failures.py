@@ -5,7 +5,7 @@ import pytest
 from control.tasks.failure import FailureCause
 from planning.loop.loop import LoopSettings
 from tests.planning.test_loop import Overriding, cubes, reach
-from tests.support.symbolic_world import Journal
+from tests.support.models.symbolic_world import Journal
 
 # -- 1. A wrong primary reward: the motion stopped before the thing had moved
 

@@ -11,8 +11,8 @@ from perception.detection import bundled
 from replan.doctor.machine import Finding, Findings, render
 from replan.doctor.reasoners import Backend, examine_reasoners
 from replan.doctor.weights import PUBLISHED, examine_weights
-from tests.support.language_server import KEY, MODEL, language_server, unused_address
-from tests.support.perception_models import save_tiny_detector, save_tiny_segmenter
+from tests.support.models.language_server import KEY, MODEL, language_server, unused_address
+from tests.support.models.perception_models import save_tiny_detector, save_tiny_segmenter
 
 CARD = {"name": "tiny SAM", "made": "2026-11-25", "trained_on": "nothing", "figures": {"mean_IoU": 0.875}}
 

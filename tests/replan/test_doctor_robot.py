@@ -15,7 +15,7 @@ import pytest
 from hw_interface.fci_simulator.layout import GRIPPER_PORT, PORT
 from hw_interface.fci_simulator.process import ControlBoxProcess, free_address
 from replan.doctor.control_box import Examined, examine_control_box
-from tests.support.control_boxes import control_box, robot_at
+from tests.support.robot_side.control_boxes import control_box, robot_at
 
 WAIT = 0.5  # [s] at each step; the box is on this machine
 

@@ -23,7 +23,7 @@ from replan.perceive.page import PerceivePage
 from replan.perceive.recording import as_json, as_text, perceive_recording
 from replan.perceive.result_file import ResultFile
 from replan.progress import Progress
-from tests.support.perception_scenes import RED, YELLOW, cube, render
+from tests.support.scenes.perception_scenes import RED, YELLOW, cube, render
 
 SMALL = (320, 240)
 

@@ -24,10 +24,10 @@ from perception.recordings.opening import open_recording
 from perception.recordings.recorded_truth import RecordedTruth
 from perception.ros2.cdr import camera_info, compressed_image, image, string, transforms
 from replan.robot.record import RecordOptions, record
-from tests.support.hw_support import robot_process
-from tests.support.ros2_cameras import compressed, info, tf
-from tests.support.ros2_cameras import image as image_message
-from tests.support.ros2_messages import STRING, write_mcap
+from tests.support.robot_side.hw_support import robot_process
+from tests.support.robot_side.ros2_cameras import compressed, info, tf
+from tests.support.robot_side.ros2_cameras import image as image_message
+from tests.support.robot_side.ros2_messages import STRING, write_mcap
 
 
 def quiet(_text: str) -> None:

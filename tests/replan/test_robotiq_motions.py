@@ -20,10 +20,10 @@ from control.tasks.reward_spec import RewardSpec
 from control.twin_model import TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.arc_fingers import use_arc_fingers
-from tests.support.furniture_scenes import cabinet, lever
-from tests.support.motion_scenes import CRATE, arm, cubes, only, red_on_crate, twin_of
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.arc_fingers import use_arc_fingers
+from tests.support.scenes.furniture_scenes import cabinet, lever
+from tests.support.scenes.motion_scenes import CRATE, arm, cubes, only, red_on_crate, twin_of
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS, NAME = SafetyLimits(), panda_limits(ROBOTIQ_2F85), ROBOTIQ_2F85.name
 

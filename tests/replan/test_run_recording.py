@@ -17,7 +17,7 @@ from perception.recordings.opening import open_recording
 from replan.run.episode import Episode
 from replan.run.mcap_recording import RunRecording
 from sim_check.cells.loading import load_cell
-from tests.support.hw_support import certificate, from_here, robot_process
+from tests.support.robot_side.hw_support import certificate, from_here, robot_process
 
 
 @pytest.fixture(scope="module")

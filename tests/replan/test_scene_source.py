@@ -12,7 +12,7 @@ from perception.scene_file import LookRecord, PerceptionResult
 from replan.validate.scene_source import scene_for
 from sim_check.cells.loading import builtin_cells, load_cell
 from sim_check.twin.twin import build_twin
-from tests.support.sim_scenes import estimate, scene
+from tests.support.scenes.sim_scenes import estimate, scene
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.twin.collision_masks import ghosted
-from tests.support.motion_scenes import CRATE, CUBE, arm, blocked, cubes, only, red_on_crate, twin_of
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.motion_scenes import CRATE, CUBE, arm, blocked, cubes, only, red_on_crate, twin_of
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

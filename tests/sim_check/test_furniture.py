@@ -14,8 +14,8 @@ from sim_check.furniture.model import FurnitureModel
 from sim_check.objects.library import object_model
 from sim_check.twin.twin import build_twin, perturbed_twin
 from sim_check.world.world import build_world
-from tests.support.furniture_forces import pull, put, wait
-from tests.support.sim_scenes import estimate, exact_scene, noisy_scene, scene, seen_in
+from tests.support.scenes.furniture_forces import pull, put, wait
+from tests.support.scenes.sim_scenes import estimate, exact_scene, noisy_scene, scene, seen_in
 
 CELLS = (
     "cabinet-open",

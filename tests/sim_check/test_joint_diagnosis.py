@@ -7,9 +7,9 @@ from control.robot.limits import REST_Q
 from control.safety.limits import SafetyLimits
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.diagnosis.joints import blame, push_joint
-from tests.support.furniture_scenes import CABINET, barred, cabinet, furnished, lever, sliding
-from tests.support.motion_scenes import arm, only
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.furniture_scenes import CABINET, barred, cabinet, furnished, lever, sliding
+from tests.support.scenes.motion_scenes import arm, only
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

@@ -9,7 +9,7 @@ from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import PADDING, check_trajectory
 from control.trajectory.samples import Trajectory, TrajectorySegment
 from sim_check.twin.payloads import LOAD_TIME, held_payloads, load_share, loaded_torque
-from tests.support.motion_scenes import cubes
+from tests.support.scenes.motion_scenes import cubes
 
 N = 1000
 ROBOT = RobotModel.panda()

@@ -12,7 +12,7 @@ from sim_check.models.render import FreeView, available_backend, render_twin
 from sim_check.twin.twin import build_twin
 from sim_check.world.depth_noise import stereo_depth
 from sim_check.world.world import build_world
-from tests.support.sim_scenes import exact_scene
+from tests.support.scenes.sim_scenes import exact_scene
 
 FX = 600.0
 

@@ -15,7 +15,7 @@ from control.safety.limits import SafetyLimits
 from control.trajectory.samples import JointPath, PathSegment, Trajectory
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory, wilson_interval
-from tests.support.motion_scenes import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
+from tests.support.scenes.motion_scenes import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

@@ -20,9 +20,9 @@ from control.twin_model import FINGER_JOINTS, TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.replay import replay
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.furniture_scenes import CABINET, cabinet, furnished, lever, sliding
-from tests.support.motion_scenes import arm, only
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.furniture_scenes import CABINET, cabinet, furnished, lever, sliding
+from tests.support.scenes.motion_scenes import arm, only
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

@@ -20,9 +20,9 @@ from control.tasks.subtasks import posed_objects, read_subtask
 from control.twin_model import TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.furniture_scenes import CABINET, barred, furnished
-from tests.support.motion_scenes import arm, cubes, only, twin_of
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.furniture_scenes import CABINET, barred, furnished
+from tests.support.scenes.motion_scenes import arm, cubes, only, twin_of
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

@@ -19,7 +19,13 @@ from control.motion_files.trajectory_file import write_trajectory
 from control.robot.limits import JOINT_NAMES, REST_Q, panda_limits
 from replan.errors import USAGE, exit_code
 from tests.control.trajectory.test_trajectory import some_trajectory
-from tests.support.motion_files import (
+from tests.support.robot_side.ros2_messages import (
+    STATE,
+    TRAJECTORY,
+    joint_state,
+    write_mcap,
+)
+from tests.support.scenes.motion_files import (
     STEP,
     Motion,
     as_motion,
@@ -32,12 +38,6 @@ from tests.support.motion_files import (
     there_and_back,
     write_csv,
     write_npz,
-)
-from tests.support.ros2_messages import (
-    STATE,
-    TRAJECTORY,
-    joint_state,
-    write_mcap,
 )
 
 # -- what is wrong with a file -----------------------------------------------------------------------------------------

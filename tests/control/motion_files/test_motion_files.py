@@ -16,7 +16,17 @@ from control.motion_files.trajectory_file import write_trajectory
 from control.robot.limits import JOINT_NAMES
 from control.trajectory.samples import Trajectory
 from tests.control.trajectory.test_trajectory import some_trajectory
-from tests.support.motion_files import (
+from tests.support.robot_side.ros2_messages import (
+    DISPLAY,
+    ROBOT_TRAJECTORY,
+    STATE,
+    STRING,
+    TRAJECTORY,
+    header,
+    joint_state,
+    write_mcap,
+)
+from tests.support.scenes.motion_files import (
     at_rest,
     columns,
     planned,
@@ -26,16 +36,6 @@ from tests.support.motion_files import (
     there_and_back,
     write_csv,
     write_npz,
-)
-from tests.support.ros2_messages import (
-    DISPLAY,
-    ROBOT_TRAJECTORY,
-    STATE,
-    STRING,
-    TRAJECTORY,
-    header,
-    joint_state,
-    write_mcap,
 )
 
 DOC = Path(__file__).resolve().parents[3] / "docs" / "motion-files.md"

@@ -15,8 +15,16 @@ from control.robot.limits import REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import GripperCommand, Trajectory, TrajectorySegment
-from tests.support.arm_paths import pick_and_place
-from tests.support.motion_files import STEP, as_motion, columns, retimed_pick_and_place, rows, there_and_back, write_csv
+from tests.support.scenes.arm_paths import pick_and_place
+from tests.support.scenes.motion_files import (
+    STEP,
+    as_motion,
+    columns,
+    retimed_pick_and_place,
+    rows,
+    there_and_back,
+    write_csv,
+)
 
 
 @pytest.fixture(scope="module")

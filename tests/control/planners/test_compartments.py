@@ -16,8 +16,8 @@ from control.tasks.reward_spec import RewardTerm
 from control.tasks.subtasks import posed_objects
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.furniture_scenes import with_cube
-from tests.support.motion_scenes import arm, only
+from tests.support.scenes.furniture_scenes import with_cube
+from tests.support.scenes.motion_scenes import arm, only
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 INTO = only("minimize_l2_distance", "cube", "cabinet")

@@ -16,9 +16,20 @@ from control.tasks.term_conflicts import refuse_term_conflicts
 from sim_check.cells.loading import load_cell
 from sim_check.furniture.build import furniture_model
 from sim_check.twin.twin import build_twin
-from tests.support.furniture_scenes import CABINET, cabinet
-from tests.support.motion_scenes import CRATE, CUBE, arm, blocked, cubes, fruit, hand_at, only, red_on_crate, twin_of
-from tests.support.sim_scenes import estimate, scene
+from tests.support.scenes.furniture_scenes import CABINET, cabinet
+from tests.support.scenes.motion_scenes import (
+    CRATE,
+    CUBE,
+    arm,
+    blocked,
+    cubes,
+    fruit,
+    hand_at,
+    only,
+    red_on_crate,
+    twin_of,
+)
+from tests.support.scenes.sim_scenes import estimate, scene
 
 SECONDS = 8.0  # of this process; usually below one
 NEAR, FAR, LIFT, JOINT = "minimize_l2_distance", "maximize_l2_distance", "set_obj_z_position", "set_joint_fraction"

@@ -22,7 +22,7 @@ from control.simulation.rollouts import commands_for, roll_out
 from control.tasks.failure import FailureCause
 from control.tasks.subtasks import posed_objects, read_subtask
 from sim_check.twin.twin import perturbed_twin
-from tests.support.motion_scenes import (
+from tests.support.scenes.motion_scenes import (
     CRATE,
     CUBE,
     arm,
@@ -35,7 +35,7 @@ from tests.support.motion_scenes import (
     red_on_crate,
     twin_of,
 )
-from tests.support.sim_scenes import estimate
+from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

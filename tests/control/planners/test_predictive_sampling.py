@@ -25,8 +25,8 @@ from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardSpec, RewardTerm
 from control.tasks.subtasks import palm_at, posed_objects, read_subtask
 from control.trajectory.samples import GripperCommand
-from tests.support.furniture_scenes import cabinet, sliding
-from tests.support.motion_scenes import arm, cubes, fruit, only, red_on_crate
+from tests.support.scenes.furniture_scenes import cabinet, sliding
+from tests.support.scenes.motion_scenes import arm, cubes, fruit, only, red_on_crate
 
 SAFETY = SafetyLimits()
 SMALL = SamplingSettings(trajectories=16, horizon=0.4, points=4, time_limit=4.0)

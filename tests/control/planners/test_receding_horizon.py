@@ -17,8 +17,8 @@ from control.safety.limits import SafetyLimits
 from control.tasks.reward_spec import RewardSpec
 from control.tasks.subtasks import read_subtask
 from control.twin_model import TwinModel
-from tests.support.furniture_scenes import cabinet, lever
-from tests.support.motion_scenes import arm, cubes, only, red_on_crate
+from tests.support.scenes.furniture_scenes import cabinet, lever
+from tests.support.scenes.motion_scenes import arm, cubes, only, red_on_crate
 
 SAFETY = SafetyLimits()
 PULL = only("set_joint_fraction", "lever_rod", value=1.0)

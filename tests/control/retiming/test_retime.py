@@ -21,7 +21,7 @@ from control.robot.limits import panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment, Trajectory
-from tests.support.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
+from tests.support.scenes.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid escape sequence:DeprecationWarning")  # toppra's docstrings
 LIMITS = panda_limits()

@@ -29,8 +29,8 @@ from replan.run.goal import RunOptions, _check_ready
 from sim_check.cells.loading import load_cell
 from sim_check.models.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.models.robotiq_mjcf import add_robotiq
-from tests.support.hw_support import joined, perfect_driver, swing
-from tests.support.motion_scenes import arm, cubes, red_on_crate
+from tests.support.robot_side.hw_support import joined, perfect_driver, swing
+from tests.support.scenes.motion_scenes import arm, cubes, red_on_crate
 
 SAFETY = SafetyLimits()
 BOTH = pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)

@@ -11,7 +11,7 @@ from control.safety.certificate import Certificate, CheckResult, Verdict
 from control.safety.certification import START_TOLERANCE, issue_certificate, limits_hash, verify_certificate
 from control.safety.limits import SafetyLimits
 from control.trajectory.samples import GripperCommand, GripperEvent, Trajectory
-from tests.support.arm_paths import REST
+from tests.support.scenes.arm_paths import REST
 
 PROFILE = "panda/5"
 FIRMWARE = panda_limits().firmware

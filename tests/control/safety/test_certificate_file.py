@@ -7,7 +7,7 @@ import pytest
 
 from control.errors import ConfigError
 from control.safety.certificate_file import read_certificate, write_certificate
-from tests.support.hw_support import certificate, swing
+from tests.support.robot_side.hw_support import certificate, swing
 
 CERTIFICATE = replace(certificate(swing(0.1, 0.01)), issued=0.1 + 0.2, expires=1700000123.4567891)
 

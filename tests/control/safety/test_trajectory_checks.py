@@ -13,7 +13,7 @@ from control.safety.certificate import CheckResult
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import SAMPLE_TIME, Trajectory
-from tests.support.arm_paths import REST
+from tests.support.scenes.arm_paths import REST
 
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()

@@ -16,8 +16,8 @@ from control.trajectory.on_path_stop import stop_on_path
 from control.trajectory.playback import PROGRESS, RATE, SLOPE, Playback, at_progress
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment, Trajectory
 from control.trajectory.speed_override import override_speed
-from tests.support.arm_paths import REST, pick_and_place, random_path
-from tests.support.played_paths import distance_from_path
+from tests.support.robot_side.played_paths import distance_from_path
+from tests.support.scenes.arm_paths import REST, pick_and_place, random_path
 
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()

@@ -17,7 +17,7 @@ from hw_interface.cameras.uvc import UvcSource
 from hw_interface.cameras.zed import ZedSource
 from perception.frames import CameraIntrinsics
 from perception.recordings.opening import open_recording, save_npz
-from tests.support.camera_doubles import Domain, ErrorCode, RealSenseDouble, Stream, ZedDouble, picture
+from tests.support.robot_side.camera_doubles import Domain, ErrorCode, RealSenseDouble, Stream, ZedDouble, picture
 
 BENT = (0.5, -0.3, 0.01, -0.02, 0.1)  # k1, k2, p1, p2, k3, as of a wide lens
 

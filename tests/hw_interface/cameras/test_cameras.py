@@ -16,7 +16,7 @@ from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import CameraGoneError
 from hw_interface.link.transport import open_client_session
-from tests.support.hw_support import blank_frame, robot_process, until
+from tests.support.robot_side.hw_support import blank_frame, robot_process, until
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +27,8 @@ def robot() -> Iterator[SimProcess]:
 
 @contextmanager
 def camera_process(endpoint: str, owner: str, *cameras: str) -> Iterator["subprocess.Popen[str]"]:
-    """A process of `tests.support.hw_camera_process`, ended afterwards."""
-    command = [sys.executable, "-m", "tests.support.hw_camera_process", endpoint, owner, *cameras]
+    """A process of `tests.support.robot_side.hw_camera_process`, ended afterwards."""
+    command = [sys.executable, "-m", "tests.support.robot_side.hw_camera_process", endpoint, owner, *cameras]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdin is not None and process.stdout is not None
     try:

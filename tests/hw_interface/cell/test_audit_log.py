@@ -13,7 +13,7 @@ import pytest
 from control.errors import ConfigError, MachineError, RefusedError
 from hw_interface.cell.audit import Audit
 from hw_interface.cell.audit_log import AuditLog, DamagedLine, read_audit_log
-from tests.support.hw_support import certificate, perfect_driver, swing
+from tests.support.robot_side.hw_support import certificate, perfect_driver, swing
 
 WRITER = """
 import sys

@@ -12,7 +12,7 @@ from control.trajectory.samples import SAMPLE_TIME, Trajectory
 from hw_interface.cell.driver import Driver
 from hw_interface.simulated.fake_backend import PerfectRobot
 from tests.hw_interface.cell.test_driver import PICK, play, ticks
-from tests.support.hw_support import certificate, gate, perfect_driver, swing
+from tests.support.robot_side.hw_support import certificate, gate, perfect_driver, swing
 
 SAFETY = SafetyLimits()
 

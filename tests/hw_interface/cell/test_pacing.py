@@ -7,7 +7,7 @@ import pytest
 
 from hw_interface.cell.node import STATE_RATE, RobotNode
 from hw_interface.cell.pacing import FROZEN_AFTER, Leash, run_loop
-from tests.support.hw_support import certificate, perfect_driver, swing
+from tests.support.robot_side.hw_support import certificate, perfect_driver, swing
 
 LONG = FROZEN_AFTER + 0.2  # [s]
 

@@ -26,7 +26,16 @@ from hw_interface.fci_simulator.layout import (
     MoveStatus,
 )
 from hw_interface.fci_simulator.process import ControlBoxProcess
-from tests.support.control_boxes import abort_of, along, control_box, desired, go_home_if_far, play, robot_at, swing
+from tests.support.robot_side.control_boxes import (
+    abort_of,
+    along,
+    control_box,
+    desired,
+    go_home_if_far,
+    play,
+    robot_at,
+    swing,
+)
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
@@ -124,7 +133,7 @@ def test_no_motion_starts_in_another_mode(box: ControlBoxProcess, robot: Any, fa
 CLIENT = """
 import sys, time
 import numpy as np
-from tests.support.control_boxes import along, desired, play, robot_at, swing
+from tests.support.robot_side.control_boxes import along, desired, play, robot_at, swing
 robot = robot_at(sys.argv[1])
 samples = swing(desired(robot), along(1, 0.6), 3.0)
 def at(k):

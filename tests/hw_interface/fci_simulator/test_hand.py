@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hw_interface.fci_simulator.process import ControlBoxProcess
-from tests.support.control_boxes import along, control_box, desired, play, robot_at, swing
-from tests.support.hw_sim_world import CUBE, CubeWorld
+from tests.support.robot_side.control_boxes import along, control_box, desired, play, robot_at, swing
+from tests.support.robot_side.hw_sim_world import CUBE, CubeWorld
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.

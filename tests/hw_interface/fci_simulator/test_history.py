@@ -9,7 +9,7 @@ from control.robot.limits import panda_limits
 from hw_interface.fci_simulator.control_box import ControlBox
 from hw_interface.fci_simulator.layout import COMMAND, Controller, Error, Generator
 from hw_interface.fci_simulator.plant import Plant
-from tests.support.hw_sim_world import CubeWorld
+from tests.support.robot_side.hw_sim_world import CubeWorld
 
 
 def test_only_what_a_client_commanded_counts_as_told_not_what_comes_too_late(tmp_path):

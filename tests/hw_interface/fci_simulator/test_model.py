@@ -15,7 +15,7 @@ from control.robot.description_files import panda_urdf
 from hw_interface.fci_simulator.arm import Arm, RigidLoad
 from hw_interface.fci_simulator.model_library import build_library, library_source
 from hw_interface.fci_simulator.process import ControlBoxProcess
-from tests.support.control_boxes import control_box, robot_at
+from tests.support.robot_side.control_boxes import control_box, robot_at
 
 libfranka = pytest.importorskip("panda_py", reason="loads the library with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.

@@ -10,7 +10,7 @@ import pytest
 from control.robot.limits import REST_Q
 from hw_interface.fci_simulator.process import ControlBoxProcess
 from hw_interface.panda.scheduling import in_own_scheduling
-from tests.support.control_boxes import (
+from tests.support.robot_side.control_boxes import (
     abort_of,
     along,
     control,

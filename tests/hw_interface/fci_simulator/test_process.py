@@ -28,9 +28,9 @@ from hw_interface.link.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, ask, op
 from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.robot import FrameRequest
 from hw_interface.messages.truth import TruthMessage, TruthRequest
-from tests.support.control_boxes import along, desired, play, robot_at, swing
-from tests.support.hw_support import blank_frame
-from tests.support.link_certificates import link
+from tests.support.robot_side.control_boxes import along, desired, play, robot_at, swing
+from tests.support.robot_side.hw_support import blank_frame
+from tests.support.robot_side.link_certificates import link
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.

@@ -12,8 +12,8 @@ import pytest
 import zenoh
 
 from hw_interface.link import transport
-from tests.support.hw_link_peer import NAME
-from tests.support.hw_support import until
+from tests.support.robot_side.hw_link_peer import NAME
+from tests.support.robot_side.hw_support import until
 
 CAMERAS = "cell/camera/*"
 
@@ -29,7 +29,7 @@ def endpoint() -> Iterator[str]:
 @contextmanager
 def peer(endpoint: str, busy: int = 0) -> Iterator["subprocess.Popen[str]"]:
     """Another client, in a process of its own."""
-    command = [sys.executable, "-m", "tests.support.hw_link_peer", endpoint, str(busy)]
+    command = [sys.executable, "-m", "tests.support.robot_side.hw_link_peer", endpoint, str(busy)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:

@@ -19,7 +19,7 @@ from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, Refusal, RobotState, StateRequest
 from hw_interface.messages.wire import decode, encode
-from tests.support.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process, until
+from tests.support.robot_side.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process, until
 
 HEAVY = ("mujoco", "torch", "open3d", "transformers", "scipy", "cv2")
 
@@ -316,7 +316,7 @@ def test_a_client_that_was_busy_when_the_robot_ended_still_hears_how_the_motion_
 def test_a_robot_process_ends_with_its_parent():
     script = (
         "import os, sys; from hw_interface.cell.process import start_sim_process; "
-        "p = start_sim_process([sys.executable, '-m', 'tests.support.hw_robot_process', "
+        "p = start_sim_process([sys.executable, '-m', 'tests.support.robot_side.hw_robot_process', "
         "'perfect', 'tcp/127.0.0.1:0', '1.0']); "
         "print(p.pid, flush=True); os._exit(1)"
     )

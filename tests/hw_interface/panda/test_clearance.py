@@ -17,7 +17,7 @@ from hw_interface.panda.clearance import JOIN_ROWS, MOST_ROWS, Clearance, Cleare
 from hw_interface.panda.cleared_motion import ClearedMotion
 from hw_interface.panda.collision import FREE, HANDLING, thresholds
 from hw_interface.panda.parts import moving_events, parts_of
-from tests.support.hw_support import gate, joined, swing
+from tests.support.robot_side.hw_support import gate, joined, swing
 
 LIMITS = panda_limits()
 MOTION = swing(2.0, 0.8)

@@ -24,7 +24,7 @@ from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory.samples import GripperCommand, Trajectory
 from hw_interface.cell.audit_log import read_audit_log
 from hw_interface.cell.client import CellClient, ExecutionReport
-from tests.support.hw_support import joined
+from tests.support.robot_side.hw_support import joined
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 GATE = gate()

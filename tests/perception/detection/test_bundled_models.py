@@ -12,8 +12,8 @@ from perception.detection.crop_segmenter import CropSegmenter
 from perception.errors import ModelUnavailableError, OptionError, UnknownPhraseError
 from perception.options import PerceptionOptions
 from perception.pipeline import Perception, perception_from_options
-from tests.support.perception_models import save_tiny_detector, save_tiny_segmenter
-from tests.support.perception_scenes import RED, cube, render
+from tests.support.models.perception_models import save_tiny_detector, save_tiny_segmenter
+from tests.support.scenes.perception_scenes import RED, cube, render
 
 CARD = {
     "name": "tiny MM-GroundingDINO",

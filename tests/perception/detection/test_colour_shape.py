@@ -9,7 +9,7 @@ from perception.detection.nms import box_iou, suppress
 from perception.errors import UnknownPhraseError
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.interfaces import Detection
-from tests.support.perception_scenes import BLUE, GREEN, RED, WHITE, WOOD, YELLOW, Thing, cube, render
+from tests.support.scenes.perception_scenes import BLUE, GREEN, RED, WHITE, WOOD, YELLOW, Thing, cube, render
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,8 @@ from perception.detection.crop_segmenter import (
 from perception.detection.hf_models import TransformersSegmenter
 from perception.errors import ModelUnavailableError
 from perception.pipeline import perception_from_options
-from tests.support.perception_models import save_tiny_segmenter
-from tests.support.perception_scenes import RED, cube, render
+from tests.support.models.perception_models import save_tiny_segmenter
+from tests.support.scenes.perception_scenes import RED, cube, render
 
 BOXES = np.array([[250.0, 180.0, 300.0, 240.0], [0.0, 0.0, 40.0, 30.0], [600.0, 440.0, 640.0, 480.0]])
 

@@ -5,7 +5,7 @@ import pytest
 
 from perception.detection.cut_pieces import join_cut
 from perception.pipeline import perception_from_options
-from tests.support.perception_scenes import GREEN, RED, Thing, render
+from tests.support.scenes.perception_scenes import GREEN, RED, Thing, render
 
 
 def blob(*columns: tuple[int, int]) -> np.ndarray:

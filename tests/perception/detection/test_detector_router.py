@@ -9,7 +9,7 @@ from perception.detection.detector_router import DetectorRouter
 from perception.errors import UnknownPhraseError
 from perception.interfaces import Detection
 from perception.pipeline import default_perception
-from tests.support.perception_scenes import RED, cube, render
+from tests.support.scenes.perception_scenes import RED, cube, render
 
 
 class Asked:

@@ -10,7 +10,7 @@ from perception.pipeline import Perception, default_perception
 from perception.recordings.frame_keys import frame_keys, key_of_depth_file
 from perception.recordings.opening import open_recording, save_npz
 from perception.tracking.instances import instance_name
-from tests.support.perception_scenes import RED, YELLOW, cube, render
+from tests.support.scenes.perception_scenes import RED, YELLOW, cube, render
 
 KEYS = ("000002", "000003")
 

@@ -16,7 +16,12 @@ from perception.errors import ModelUnavailableError, UnknownPhraseError
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.options import PerceptionOptions
 from perception.pipeline import perception_from_options
-from tests.support.perception_models import save_tiny_detector, save_tiny_sam2, save_tiny_segmenter, tiny_vocabulary
+from tests.support.models.perception_models import (
+    save_tiny_detector,
+    save_tiny_sam2,
+    save_tiny_segmenter,
+    tiny_vocabulary,
+)
 
 BOXES = np.array([[20.0, 20.0, 60.0, 70.0], [80.0, 10.0, 120.0, 40.0], [5.0, 50.0, 50.0, 90.0]])
 

@@ -15,7 +15,7 @@ from perception.errors import ModelUnavailableError
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.options import PerceptionOptions
 from perception.pipeline import perception_from_options
-from tests.support.perception_models import save_tiny_detector, save_tiny_segmenter
+from tests.support.models.perception_models import save_tiny_detector, save_tiny_segmenter
 
 
 @pytest.fixture(scope="module")

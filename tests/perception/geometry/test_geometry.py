@@ -17,7 +17,7 @@ from perception.geometry.shape_choice import Kind, best_of, first_fits, lying
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.geometry.support import SupportPlane, estimate_support
 from perception.tracking.merging import merge, turned_like
-from tests.support.perception_scenes import look_at
+from tests.support.scenes.perception_scenes import look_at
 
 LENS = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 TABLE = SupportPlane(0.0, (0.0, 0.0), True)

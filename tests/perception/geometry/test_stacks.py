@@ -13,7 +13,7 @@ from perception.geometry.support import estimate_support
 from perception.interfaces import Detection
 from perception.pipeline import perception_from_options
 from planning.language.relations import find_relations
-from tests.support.perception_scenes import BLUE, GREEN, RED, Thing, cube, render
+from tests.support.scenes.perception_scenes import BLUE, GREEN, RED, Thing, cube, render
 
 CRATE = Thing("box", (0.055, 0.055, 0.03), (0.5, 0.0, 0.03), RED, 0.3)
 ON_CRATE = cube(RED, 0.51, 0.005, bottom=0.06, yaw=1.0, half=0.025)

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from perception.errors import FrameError
 from perception.recordings.opening import McapChoice, open_recording
-from tests.support.ros2_cameras import OPTICAL, compressed, image, info, png, quantised_depth, tf
-from tests.support.ros2_messages import write_mcap
+from tests.support.robot_side.ros2_cameras import OPTICAL, compressed, image, info, png, quantised_depth, tf
+from tests.support.robot_side.ros2_messages import write_mcap
 
 COLOUR, DEPTH, INFO = "/cam/color/image_raw", "/cam/aligned_depth_to_color/image_raw", "/cam/color/camera_info"
 WIDTH, HEIGHT = 8, 6

@@ -12,8 +12,8 @@ from planning.baselines.language_to_rewards import run_language_to_rewards
 from planning.baselines.one_shot_plan import run_one_shot_plan
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.results import LoopSettings
-from tests.support.furnished_world import FurnishedWorld, piece
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.symbolic_world import Journal, World
 
 CUBES = ("crate", "red_cube", "yellow_cube")
 BOTH = pytest.mark.parametrize("run", [run_language_to_rewards, run_one_shot_plan])

@@ -8,8 +8,8 @@ from control.errors import ConfigError, GoalError, MachineError
 from planning.baselines.pddl import run_pddl
 from planning.baselines.solver import solve_files
 from planning.builtin.reasoner import BuiltinReasoner
-from tests.support.furnished_world import FurnishedWorld, piece
-from tests.support.symbolic_world import Journal
+from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.symbolic_world import Journal
 
 CUPBOARD = {"cupboard": piece("cupboard", "door", "door"), "lever": piece("lever", "lever", "rod")}
 LOCKED = {"cupboard_door": "lever_rod"}

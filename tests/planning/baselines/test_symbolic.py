@@ -10,7 +10,7 @@ from planning.baselines.symbolic_goals import UnplannableError, read_symbolic_go
 from planning.baselines.told import Told, read_told
 from sim_check.cells.loading import load_cell
 from sim_check.twin.fixed_poses import fixed_scene
-from tests.support.furnished_world import FurnishedWorld, piece
+from tests.support.models.furnished_world import FurnishedWorld, piece
 
 FURNITURE = {
     "cupboard": piece("cupboard", "door", "left_door", "right_door"),

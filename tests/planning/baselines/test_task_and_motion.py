@@ -11,8 +11,8 @@ from perception.estimates import SceneEstimate
 from planning.baselines.rehearsal import Rehearsal
 from planning.baselines.task_and_motion import run_task_and_motion
 from planning.builtin.reasoner import BuiltinReasoner
-from tests.support.furnished_world import FurnishedWorld, piece
-from tests.support.symbolic_world import Journal
+from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.symbolic_world import Journal
 
 CUPBOARD = {"cupboard": piece("cupboard", "door", "left_door", "right_door")}
 WITH_LEVER = {**CUPBOARD, "lever": piece("lever", "lever", "rod")}

@@ -5,7 +5,7 @@ import pytest
 from control.errors import ReasonerError
 from planning.language.answers import UnusableAnswerError, parse_yes_no
 from planning.reasoners.reasoner import Asker
-from tests.support.symbolic_world import Journal
+from tests.support.models.symbolic_world import Journal
 
 
 class Scripted:

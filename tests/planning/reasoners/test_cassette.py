@@ -10,7 +10,7 @@ from planning.language.answers import UnusableAnswerError
 from planning.loop.loop import run_loop
 from planning.reasoners.cassette import CassetteReasoner, CassetteWriter, RecordingReasoner, prompt_hash, read_cassette
 from replan.run.episode import Episode
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.symbolic_world import Journal, World
 
 CUBES = ("crate", "red_cube", "yellow_cube")
 GOAL = "place the red cube on the crate"

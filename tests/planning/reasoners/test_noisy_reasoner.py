@@ -12,7 +12,7 @@ from planning.language.reward_program import parse_reward_answer
 from planning.loop.loop import run_loop
 from planning.reasoners.noisy import MAKERS, Mistake, NoiseOptions, NoisyReasoner
 from prompts.contracts import CONTRACTS
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.symbolic_world import Journal, World
 
 NAMES = ("crate", "red_cube", "yellow_cube")
 PLAN = "<thought>So.</thought>\n[start plan]\n> place red_cube on crate\n> touch crate\n> find crate\n[end plan]"

@@ -15,7 +15,7 @@ from planning.reasoners.reasoner import Asker
 from planning.reasoners.server_options import ServerOptions
 from planning.reasoners.structured_answers import OBJECTS
 from prompts.contracts import CONTRACTS
-from tests.support.language_server import (
+from tests.support.models.language_server import (
     KEY,
     MODEL,
     BreakOff,
@@ -28,7 +28,7 @@ from tests.support.language_server import (
     language_server,
     unused_address,
 )
-from tests.support.symbolic_world import Journal
+from tests.support.models.symbolic_world import Journal
 
 PLAN = '{"thought": "Simple.", "steps": ["place red_cube on crate", "touch crate"]}'
 

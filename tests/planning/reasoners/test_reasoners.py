@@ -11,8 +11,8 @@ from planning.loop.loop import run_loop
 from planning.reasoners.choice import ReasonerOptions, make_reasoners, reasoner_names
 from planning.reasoners.usage import UsageLog
 from tests.replan.test_command_line import one_line_reason, replan
-from tests.support.language_server import KEY, MODEL, Status, language_server, unused_address
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.language_server import KEY, MODEL, Status, language_server, unused_address
+from tests.support.models.symbolic_world import Journal, World
 
 CUBES = ("crate", "red_cube", "yellow_cube")
 

@@ -7,8 +7,8 @@ from control.errors import ConfigError, ReasonerError
 from planning.language.answers import UnusableAnswerError
 from planning.reasoners.local_transformers import LocalModelOptions, TransformersReasoner
 from planning.reasoners.reasoner import Asker
-from tests.support.language_models import LONGEST, PATCHES, save_tiny_chat_model, save_tiny_vision_model
-from tests.support.symbolic_world import Journal
+from tests.support.models.language_models import LONGEST, PATCHES, save_tiny_chat_model, save_tiny_vision_model
+from tests.support.models.symbolic_world import Journal
 
 
 @pytest.fixture(scope="module")

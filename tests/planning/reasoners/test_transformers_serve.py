@@ -18,8 +18,8 @@ from control.errors import ReasonerError
 from planning.loop.loop import run_loop
 from planning.reasoners.choice import ReasonerOptions, make_reasoners
 from planning.reasoners.usage import UsageLog
-from tests.support.language_models import save_tiny_chat_model
-from tests.support.symbolic_world import Journal, World
+from tests.support.models.language_models import save_tiny_chat_model
+from tests.support.models.symbolic_world import Journal, World
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("accelerate") is None, reason="transformers serve needs the package accelerate"

@@ -16,7 +16,7 @@ from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from planning.baselines.rehearsal import Rehearsal
 from planning.language.furnishings import Front, JointRole, KnownFurniture, KnownJoint
 from planning.loop.interfaces import AttemptResult
-from tests.support.symbolic_world import World, estimate
+from tests.support.models.symbolic_world import World, estimate
 
 CUPBOARD_SIZE = (0.3, 0.4, 0.5)  # [m]
 

@@ -1,4 +1,4 @@
-"""A robot process for tests: `-m tests.support.hw_robot_process KIND ENDPOINT SPEED --parent-pid PID`; see `runs`."""
+"""A robot process for tests: `python -m ...hw_robot_process KIND ENDPOINT SPEED --parent-pid PID`; see `runs`."""
 
 import sys
 from functools import partial
@@ -9,7 +9,7 @@ from hw_interface.cell.driver import Driver
 from hw_interface.cell.pacing import Leash, serve_robot
 from hw_interface.simulated.fake_backend import PerfectRobot
 from perception.ground_truth import CellTruth, StandingThing
-from tests.support.hw_support import blank_frame, gate
+from tests.support.robot_side.hw_support import blank_frame, gate
 
 
 class ForgetfulRobot(PerfectRobot):
@@ -45,7 +45,7 @@ def run_cautious(endpoint: str, speed: float, parent: int) -> None:
 def run_simulated(endpoint: str, speed: float, parent: int, score: bool = True) -> None:
     """A Panda over a table with one cube below its hand, as physics has it."""
     from hw_interface.simulated.cell import run_sim_cell
-    from tests.support.hw_sim_world import CubeWorld
+    from tests.support.robot_side.hw_sim_world import CubeWorld
 
     run_sim_cell(
         CubeWorld(),

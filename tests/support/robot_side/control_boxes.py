@@ -24,7 +24,9 @@ def control_box(world: str = "cube", pace: str = "lockstep") -> ControlBoxProces
             "the box of this test has a model library, which is made with a C compiler: apt install gcc libc6-dev"
         )
     address = free_address(random.Random())
-    return start_control_box([sys.executable, "-m", "tests.support.control_box_process", world, address, pace])
+    return start_control_box(
+        [sys.executable, "-m", "tests.support.robot_side.control_box_process", world, address, pace]
+    )
 
 
 def robot_at(address: str) -> Any:

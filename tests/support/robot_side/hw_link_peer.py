@@ -1,4 +1,4 @@
-"""A client process for tests: `python -m tests.support.hw_link_peer ENDPOINT BUSY` offers what a camera process offers.
+"""A client process for tests: `python -m ...hw_link_peer ENDPOINT BUSY` offers what a camera process offers.
 
 BUSY is for how many whole seconds it keeps Python's lock, once, after it has begun.
 """

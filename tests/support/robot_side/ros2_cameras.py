@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tests.support.ros2_messages import moment
+from tests.support.robot_side.ros2_messages import moment
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO, TF = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"

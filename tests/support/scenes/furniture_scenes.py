@@ -12,8 +12,8 @@ from sim_check.cells.furniture_config import CabinetConfig, FurnitureConfig, Lev
 from sim_check.cells.loading import load_cell
 from sim_check.furniture.build import furniture_model
 from sim_check.twin.twin import build_twin
-from tests.support.motion_scenes import carrying
-from tests.support.sim_scenes import estimate, scene
+from tests.support.scenes.motion_scenes import carrying
+from tests.support.scenes.sim_scenes import estimate, scene
 
 CABINET = CabinetConfig(kind="cabinet")
 SLIDING = CabinetConfig(kind="cabinet", opening="sliding")

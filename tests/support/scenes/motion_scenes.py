@@ -11,7 +11,7 @@ from control.tasks.reward_spec import RewardSpec, RewardTerm
 from control.twin_model import TwinModel
 from sim_check.cells.loading import CellConfig, load_cell
 from sim_check.twin.twin import build_twin
-from tests.support.sim_scenes import estimate, scene
+from tests.support.scenes.sim_scenes import estimate, scene
 
 CUBE, CRATE, BOWL, APPLE = (0.05, 0.05, 0.05), (0.11, 0.11, 0.06), (0.144, 0.144, 0.053), (0.069, 0.069, 0.069)
 PALM_TO_CUBE = RewardTerm("minimize_l2_distance", "palm", "red_cube")

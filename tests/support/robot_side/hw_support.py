@@ -122,8 +122,8 @@ def blank_frame(camera: str) -> RgbdFrame:
 
 @contextmanager
 def robot_process(kind: str = "perfect", speed: float = 1.0, endpoint: str = "tcp/127.0.0.1:0") -> Iterator[SimProcess]:
-    """A robot process of `tests.support.hw_robot_process`, ended afterwards."""
-    command = [sys.executable, "-m", "tests.support.hw_robot_process", kind, endpoint, str(speed)]
+    """A robot process of `tests.support.robot_side.hw_robot_process`, ended afterwards."""
+    command = [sys.executable, "-m", "tests.support.robot_side.hw_robot_process", kind, endpoint, str(speed)]
     with start_sim_process(command, deadline=60.0) as process:
         yield process
 

@@ -16,8 +16,8 @@ from control.robot.dynamics import RobotModel
 from control.robot.limits import JOINT_NAMES, REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.trajectory.samples import Trajectory
-from tests.support.arm_paths import pick_and_place
-from tests.support.ros2_messages import joint_trajectory
+from tests.support.robot_side.ros2_messages import joint_trajectory
+from tests.support.scenes.arm_paths import pick_and_place
 
 STEP = np.array([0.5, 0.3, -0.4, 0.35, -0.3, 0.4, 0.6])  # [rad]
 

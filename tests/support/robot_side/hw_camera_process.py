@@ -1,4 +1,4 @@
-"""A camera process for tests: `-m tests.support.hw_camera_process ENDPOINT OWNER CAMERA...`; ends with its stdin.
+"""A camera process for tests: `python -m ...hw_camera_process ENDPOINT OWNER CAMERA...`; ends with its stdin.
 
 A camera named `old` gives pictures of a minute ago, one named `blind` refuses.
 """
@@ -12,7 +12,7 @@ from control.errors import RefusedError
 from hw_interface.cameras.node import CameraNode
 from hw_interface.link.transport import open_client_session
 from perception.frames import RgbdFrame
-from tests.support.hw_support import blank_frame
+from tests.support.robot_side.hw_support import blank_frame
 
 
 def take(camera: str) -> RgbdFrame:

@@ -7,11 +7,11 @@ from mcap_ros2._dynamic import generate_dynamic
 from pycdr2 import IdlStruct
 from pycdr2.types import float64, int32, sequence, uint8, uint32
 
-from tests.support.ros2_messages import definition
+from tests.support.robot_side.ros2_messages import definition
 
 
 def decode_ros2(kind: str, data: bytes) -> Any:
-    """The message by the definitions of `tests.support.ros2_messages`."""
+    """The message by the definitions of `tests.support.robot_side.ros2_messages`."""
     return generate_dynamic(kind, definition(kind))[kind](data)
 
 

@@ -1,4 +1,4 @@
-"""A simulated control box for tests: `-m tests.support.control_box_process WORLD ADDRESS PACE ... --parent-pid PID`."""
+"""A simulated control box for tests: `python -m ...control_box_process WORLD ADDRESS PACE ... --parent-pid PID`."""
 
 import argparse
 import sys
@@ -7,7 +7,7 @@ from control.robot.limits import panda_limits
 from hw_interface.cell.pacing import Leash
 from hw_interface.fci_simulator.model_library import build_library
 from hw_interface.fci_simulator.server import ResearchInterface
-from tests.support.hw_sim_world import CubeWorld
+from tests.support.robot_side.hw_sim_world import CubeWorld
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
