@@ -61,7 +61,7 @@ class PandaSide:
         """Process id of the supervisor's child that runs a module: panda_player or panda_hand."""
         pid = self.supervisor.pid
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            if f"replan.{module}" in Path(f"/proc/{child}/cmdline").read_text():
+            if f"replan.robot.{module}" in Path(f"/proc/{child}/cmdline").read_text():
                 return int(child)
         raise LookupError(module)
 

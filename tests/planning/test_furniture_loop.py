@@ -66,7 +66,7 @@ def reach(goal: str, world: FurnishedWorld, log=None, settings=None):
         reasoner=BuiltinReasoner(),
         observer=world,
         executor=world,
-        evaluator=world.evaluator,
+        evaluator=world.evaluate,
         known_names=tuple(world.places),
         furniture=world.furniture,
         log=log or Journal(),

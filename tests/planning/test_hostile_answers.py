@@ -164,7 +164,7 @@ def test_hundreds_of_runs_with_hostile_answers_end_in_a_result_or_one_of_our_err
                 reasoner=reasoner,
                 observer=world,
                 executor=world,
-                evaluator=world.evaluator,
+                evaluator=world.evaluate,
                 known_names=NAMES,
                 log=log,
                 settings=LoopSettings(max_steps=8),
@@ -194,7 +194,7 @@ def test_a_hostile_name_in_the_scene_ends_the_run_before_anything_moves(name):
             reasoner=BuiltinReasoner(),
             observer=world,
             executor=world,
-            evaluator=world.evaluator,
+            evaluator=world.evaluate,
             known_names=(*NAMES, name),
             log=Journal(),
         )
@@ -210,7 +210,7 @@ def test_a_name_that_is_plain_words_is_only_a_name():
         reasoner=BuiltinReasoner(),
         observer=world,
         executor=world,
-        evaluator=world.evaluator,
+        evaluator=world.evaluate,
         known_names=(*NAMES, name),
         log=Journal(),
     )

@@ -29,7 +29,7 @@ def reach(run, goal: str, world: World, names=CUBES, reasoner=None, log=None, **
         reasoner=reasoner or BuiltinReasoner(),
         observer=world,
         executor=world,
-        evaluator=world.evaluator,
+        evaluator=world.evaluate,
         known_names=names,
         furniture=getattr(world, "furniture", {}),
         log=log or Journal(),

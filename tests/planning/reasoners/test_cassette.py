@@ -22,7 +22,7 @@ def blocked() -> World:
 
 def reach(reasoner, log=None, goal=GOAL, world=None):
     world = world or blocked()
-    parts = {"observer": world, "executor": world, "evaluator": world.judge}
+    parts = {"observer": world, "executor": world, "evaluator": world.evaluate}
     return run_loop(goal, reasoner=reasoner, known_names=CUBES, log=log or Journal(), **parts)
 
 

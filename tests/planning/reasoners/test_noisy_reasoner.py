@@ -150,7 +150,7 @@ def test_runs_with_spoiled_answers_end_in_words_and_say_what_is_seen():
                 reasoner=noisy,
                 observer=world,
                 executor=world,
-                evaluator=world.evaluator,
+                evaluator=world.evaluate,
                 known_names=NAMES,
                 log=log,
             )

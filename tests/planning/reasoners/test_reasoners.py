@@ -84,7 +84,7 @@ def test_recording_noise_and_replay_fit_together(tmp_path):
                 by_role=by_role,
                 observer=world,
                 executor=world,
-                evaluator=world.evaluator,
+                evaluator=world.evaluate,
                 known_names=CUBES,
                 log=log,
             )
@@ -111,7 +111,7 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
                 reasoner=default,
                 observer=world,
                 executor=world,
-                evaluator=world.evaluator,
+                evaluator=world.evaluate,
                 known_names=CUBES,
                 log=log,
             )
@@ -125,7 +125,7 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
 def test_rules_cost_nothing():
     log = UsageLog(Journal())
     world = World(dict.fromkeys(CUBES, "table"), frozenset({"crate"}))
-    parts = {"observer": world, "executor": world, "evaluator": world.judge}
+    parts = {"observer": world, "executor": world, "evaluator": world.evaluate}
     run_loop("place the red cube on the crate", reasoner=BuiltinReasoner(), known_names=CUBES, log=log, **parts)
     total = log.total()
     assert total.questions > 3 and (total.tokens_in, total.tokens_out, total.cost) == (0, 0, 0.0)

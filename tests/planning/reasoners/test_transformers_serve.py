@@ -78,7 +78,7 @@ def test_a_run_with_nonsense_ends_with_the_last_fault_and_nothing_moved(served):
                 by_role=by_role,
                 observer=world,
                 executor=world,
-                evaluator=world.evaluator,
+                evaluator=world.evaluate,
                 known_names=("crate", "red_cube"),
                 log=counting,
             )

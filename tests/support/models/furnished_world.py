@@ -152,13 +152,13 @@ class FurnishedWorld(World):
         """The attempt that was rehearsed."""
         return self.attempt(rehearsal.motion[1], rehearsal.scene)
 
-    # judge
+    # evaluator
 
-    def judge(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> TermJudgement:
+    def evaluate(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> TermJudgement:
         if term.kind != "set_joint_fraction":
             if term.target in self.furniture and term.kind == "minimize_l2_distance":
                 return self._judge_at(term, scene)
-            return super().evaluator(term, scene, before)
+            return super().evaluate(term, scene, before)
         seen = {k: v for o in scene.objects for k, v in o.joint_fractions.items()}
         if term.subject not in seen:
             raise UnknownObjectError(f"no joint named '{term.subject}' in this scene; it has {sorted(seen)}")

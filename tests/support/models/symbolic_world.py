@@ -119,9 +119,9 @@ class World:
     def explain(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         return self.explanation
 
-    # judge
+    # evaluator
 
-    def judge(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> TermJudgement:
+    def evaluate(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate, /) -> TermJudgement:
         """On what was seen, not on `places`."""
         for name in term.names:
             if scene.get(name) is None:
