@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from replan.commands.robot import DEFAULT_ENDPOINT
+from replan.options import DEFAULT_ENDPOINT
 
 if TYPE_CHECKING:
     from replan.console import Console

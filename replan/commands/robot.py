@@ -4,43 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
+
+from replan.commands.flags import SetOnly, Switches
+from replan.options import CellOptions, ClientOptions
+from replan.robot.options import PandaOptions, ResearchInterfaceOptions, SimCellOptions
 
 if TYPE_CHECKING:
     from replan.console import Console
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
-
-@dataclass(frozen=True)
-class RobotSim:
+@dataclass(frozen=True, kw_only=True)
+class RobotSim(SimCellOptions):
     """Start a simulated cell: a Panda, its gripper, its cameras and whatever stands there, in this process.
 
     It speaks to others through the same messages as a real robot and runs until Ctrl-C.
     """
 
-    cell: str = "cubes"
-    """Built-in cell or a cell file (YAML)."""
-    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """Switch of the cell to turn on; may be repeated."""
-    seed: int = 0
-    """Seed of the placement of objects and of all noise."""
-    endpoint: str = DEFAULT_ENDPOINT
-    """Where to listen: tcp/ within this machine, or tls/HOST:PORT with --link."""
-    connect: str | None = None
-    """Join the router at this endpoint (`replan router`) instead of listening."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
-    state_rate: float = 70.0
-    """States a second to publish, at most 1000."""
-    speed: float = 1.0
-    """Pace in times real time while moving; 0 is as fast as it goes."""
-    score: bool = False
-    """Also answer with true poses on the key `truth`, for scorers only (benchmarks)."""
-    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    cell_options: Switches = CellOptions.cell_options
+    json: SetOnly = False
     """Print the ready line as JSON."""
 
     def execute(self, console: Console) -> int:
@@ -51,8 +35,8 @@ class RobotSim:
         return serve_simulated_cell(self, console.note)
 
 
-@dataclass(frozen=True)
-class RobotPanda:
+@dataclass(frozen=True, kw_only=True)
+class RobotPanda(PandaOptions):
     """Offer a real Panda: connect to its control box and play what has a certificate, and nothing else.
 
     This process supervises; it starts a player, which alone talks to the control box, and a process for the gripper.
@@ -60,33 +44,11 @@ class RobotPanda:
     (`replan robot acknowledge`). A stop by software is no emergency stop: keep the user stop in reach.
     """
 
-    address: str
-    """Host name or IP of the control box, for instance 172.16.0.2."""
-    cell: str = "cubes"
+    cell: str = CellOptions.cell
     """Built-in cell or a cell file (YAML): its robot, safety table and gripper."""
-    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """Switch of the cell to turn on; may be repeated."""
-    endpoint: str = DEFAULT_ENDPOINT
-    """Where to listen: tcp/ within this machine, or tls/HOST:PORT with --link."""
-    connect: str | None = None
-    """Join the router at this endpoint (`replan router`) instead of listening."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
-    state_rate: float = 70.0
-    """States a second to publish, at most 1000."""
-    gripper_address: str | None = None
-    """Where a Robotiq gripper answers: rtu:/dev/ttyUSB0 (serial line) or tcp:HOST:502. A Franka Hand is at the box."""
-    activate_gripper: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Activate a Robotiq gripper that is not: its fingers open and close once and let go of what they hold."""
-    audit_log: Path = Path("runs/robot/audit.jsonl")
-    """File to which every request, motion, stop and acknowledgement is appended; no motion without it."""
-    realtime: Literal["auto", "enforce", "ignore"] = "auto"
-    """Whether kernel and user must be able to keep deadlines; auto: where the kernel is real-time. Motions
-    have real-time priority if this user may give it; with ignore, for a simulated box, never."""
-    lockstep_patience: float = 0.0
-    """For a simulated box in lockstep only: wall time in seconds that its clock may wait for this machine."""
-    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    cell_options: Switches = CellOptions.cell_options
+    activate_gripper: SetOnly = PandaOptions.activate_gripper
+    json: SetOnly = False
     """Print the ready line as JSON."""
 
     def execute(self, console: Console) -> int:
@@ -97,33 +59,17 @@ class RobotPanda:
         return serve_panda(self, console.note)
 
 
-@dataclass(frozen=True)
-class RobotResearchInterface:
+@dataclass(frozen=True, kw_only=True)
+class RobotResearchInterface(ResearchInterfaceOptions):
     """Start a simulated Panda behind its own protocol: a control box that libfranka connects to as to a real one.
 
     It listens on the ports 1337 (robot) and 1338 (Franka's hand) of its address and runs until Ctrl-C.
     """
 
-    cell: str = "cubes"
+    cell: str = CellOptions.cell
     """Built-in cell or a cell file (YAML) that the robot stands in."""
-    option: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """Switch of the cell to turn on; may be repeated."""
-    seed: int = 0
-    """Seed of the placement of objects."""
-    address: str = "127.0.0.1"
-    """Address to listen at; another one of 127.0.0.0/8 for each box on this machine."""
-    pace: Literal["real-time", "lockstep"] = "real-time"
-    """Real time as a real robot, or lockstep: a motion advances by the client's commands, however long they take."""
-    control_port: int | None = None
-    """Port on 127.0.0.1 that takes faults to simulate (user stop, pushes, silence), 0 for a free one. Default: none."""
-    endpoint: str | None = None
-    """Also offer the cell's cameras to the robot process or router at this endpoint once it is there."""
-    link: Path | None = None
-    """Link file of a camera, for an endpoint tls/HOST:PORT on another machine (docs/security.md)."""
-    score: bool = False
-    """Also answer there with true poses on the key `truth`, for scorers only (benchmarks)."""
-    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    cell_options: Switches = CellOptions.cell_options
+    json: SetOnly = False
     """Print the ready line as JSON."""
 
     def execute(self, console: Console) -> int:
@@ -134,15 +80,11 @@ class RobotResearchInterface:
         return serve_research_interface(self, console.note)
 
 
-@dataclass(frozen=True)
-class RobotAcknowledge:
+@dataclass(frozen=True, kw_only=True)
+class RobotAcknowledge(ClientOptions):
     """Say, after a stop or reflex, that you looked at the cell and that the robot may move again."""
 
-    robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -162,8 +104,8 @@ class RobotAcknowledge:
         return 0
 
 
-@dataclass(frozen=True)
-class RobotPlay:
+@dataclass(frozen=True, kw_only=True)
+class RobotPlay(ClientOptions):
     """Have a robot play exactly the trajectory in a file, with its certificate; Ctrl-C rests on the path.
 
     Nothing is planned or judged here. The robot refuses, in one line and with exit code 4, what its certificate does
@@ -174,14 +116,10 @@ class RobotPlay:
     """Trajectory file (NPZ) that the certificate was issued for."""
     certificate: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CERTIFICATE")]
     """Its certificate (JSON)."""
-    robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
     motion_speed: float | None = None
     """Share of the certified speed to play it at, above 0 and at most 1; slower on exactly the same path. Stays set on
     the robot. Default: as the robot is set."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -200,8 +138,8 @@ class RobotPlay:
         return 0
 
 
-@dataclass(frozen=True)
-class RobotSpeed:
+@dataclass(frozen=True, kw_only=True)
+class RobotSpeed(ClientOptions):
     """Have a robot play its motions at a share of their certified speed: the present one from now on, and later ones.
 
     The arm stays exactly on its path and changes its speed within its limits. 1 is the speed that a motion was judged
@@ -210,11 +148,7 @@ class RobotSpeed:
 
     speed: Annotated[tyro.conf.Positional[float], tyro.conf.arg(metavar="SHARE")]
     """Share of the certified speed, above 0 and at most 1, for instance 0.3."""
-    robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:

@@ -10,10 +10,10 @@ STILL_LOCKSTEP = 1.5  # [s] of wall time
 
 if TYPE_CHECKING:
     from control.robot.gripper import GripperModel
-    from replan.commands.robot import RobotPanda
+    from replan.robot.options import PandaOptions
 
 
-def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
+def serve_panda(options: "PandaOptions", say: Callable[[str], None]) -> int:
     """Connect to the control box and serve until told to stop; returns the exit code.
 
     Raises:
@@ -37,7 +37,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
         say(f"{real_time_trouble()}. That will do for a simulated control box only (say --realtime ignore for one)")
     keep_memory()
     security = link_or_none(options.link)
-    gate, cell = cell_gate(options.cell, options.option)
+    gate, cell = cell_gate(options.cell, options.cell_options)
     audit = AuditLog(options.audit_log)
     hand_command = [
         sys.executable,
@@ -57,7 +57,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
         options.cell,
     ]
     player_command += ["--realtime", options.realtime, "--patience", str(options.lockstep_patience)]
-    for name in options.option:
+    for name in options.cell_options:
         player_command += ["--option", name]
     leash = Leash(options.parent_pid)
     with leash.signals():
@@ -94,7 +94,7 @@ def serve_panda(options: "RobotPanda", say: Callable[[str], None]) -> int:
     return 0
 
 
-def _gripper_address(options: "RobotPanda", gripper: "GripperModel") -> str:
+def _gripper_address(options: "PandaOptions", gripper: "GripperModel") -> str:
     """Where the gripper of the cell answers.
 
     Raises:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from perception.frames import RgbdFrame
-    from replan.commands.robot import RobotResearchInterface
+    from replan.robot.options import ResearchInterfaceOptions
     from sim_check.world.world import World
 
 
-def serve_research_interface(options: "RobotResearchInterface", say: Callable[[str], None]) -> int:
+def serve_research_interface(options: "ResearchInterfaceOptions", say: Callable[[str], None]) -> int:
     """Build the world of a cell and serve its robot until told to stop; returns the exit code.
 
     Raises:
@@ -27,10 +27,9 @@ def serve_research_interface(options: "RobotResearchInterface", say: Callable[[s
     from hw_interface.fci_simulator.model_library import build_library
     from hw_interface.fci_simulator.server import ResearchInterface
     from hw_interface.link.security import link_or_none
-    from sim_check.cells.loading import load_cell
     from sim_check.world.world import build_world
 
-    cell = load_cell(options.cell, dict.fromkeys(options.option, True))
+    cell = options.load()
     limits, gripper = cell.robot.limits(), cell.robot.gripper_model
     if not limits.profile.startswith("panda/5"):
         raise ConfigError(

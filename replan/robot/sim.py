@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from replan.commands.robot import RobotSim
+    from replan.robot.options import SimCellOptions
 
 
-def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int:
+def serve_simulated_cell(options: "SimCellOptions", say: Callable[[str], None]) -> int:
     """Build the world of a cell and serve it until told to stop; returns the exit code.
 
     Raises:
@@ -23,7 +23,7 @@ def serve_simulated_cell(options: "RobotSim", say: Callable[[str], None]) -> int
     from sim_check.world.world import build_world
 
     security = link_or_none(options.link)
-    gate, cell = cell_gate(options.cell, options.option)
+    gate, cell = cell_gate(options.cell, options.cell_options)
     world = build_world(cell, options.seed)
     say(f"world ready: {', '.join(world.object_names)}; Ctrl-C ends it")
     run_sim_cell(
