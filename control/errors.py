@@ -17,9 +17,11 @@ StackError
     └── NoUsableAnswerError    it kept answering malformed text
 """
 
+from replan_base.errors import ReplanError
 
-class StackError(Exception):
-    """Root; the message names what was wrong, what would be valid and what to do next."""
+
+class StackError(ReplanError):
+    """Root of the stack's errors; the message names what was wrong, what would be valid and what to do next."""
 
 
 class ConfigError(StackError):

@@ -6,11 +6,13 @@ PerceptionError
 ├── OptionError           an option that is outside of its range
 └── UnknownPhraseError    a phrase that the chosen detector has no way to look for
 
-The other folders have `control.errors.StackError` as their root; `replan.errors` draws both together.
+The other folders have `control.errors.StackError` as their root; `replan_base.errors` draws both together.
 """
 
+from replan_base.errors import ReplanError
 
-class PerceptionError(Exception):
+
+class PerceptionError(ReplanError):
     """Root of what perception raises; the message says what was wrong, what would be valid, what to do."""
 
 

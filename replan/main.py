@@ -2,9 +2,18 @@
 
 import sys
 
+from replan.console import Console
+from replan_base.errors import ForeignPackageError, ReplanError
+from replan_base.packages import require_own_packages
+
 
 def main() -> None:
     """Entry point; ends the process with the exit codes of `replan.errors`."""
+    try:
+        require_own_packages()
+    except ForeignPackageError as error:
+        Console(json="--json" in sys.argv).fail(error)  # before the arguments are parsed: that imports all commands
+        sys.exit(1)
     import tyro
 
     from replan.commands import COMMANDS
@@ -19,13 +28,12 @@ def main() -> None:
 
 
 def _run(command) -> int:
-    from replan.console import Console
-    from replan.errors import EXPECTED_ERRORS, INTERRUPTED, exit_code
+    from replan.errors import INTERRUPTED, exit_code
 
     console = Console(json=command.json)
     try:
         return command.execute(console)
-    except EXPECTED_ERRORS as error:
+    except ReplanError as error:
         console.fail(error)
         return exit_code(error)
     except KeyboardInterrupt:

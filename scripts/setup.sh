@@ -95,7 +95,8 @@ fi
 if [ "$venv" = .venv ]; then build=(--no-build-isolation); else build=(--build-constraints requirements.lock); fi
 .tools/bin/uv pip install --quiet --python "$venv/bin/python" --no-deps "${build[@]}" --editable .
 # Byte-compile now, so that the first command is neither slow nor prints the warnings of somebody else's docstrings.
-"$venv/bin/python" -W ignore -m compileall -q perception control hw_interface sim_check planning prompts replan || true
+"$venv/bin/python" -W ignore -m compileall -q benchmarks perception control hw_interface sim_check planning prompts \
+    replan replan_base || true
 for noisy in "$venv"/lib/python*/site-packages/toppra; do
     if [ -d "$noisy" ]; then "$venv/bin/python" -W ignore -m compileall -q "$noisy" || true; fi
 done

@@ -16,10 +16,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from replan.errors import EXPECTED_ERRORS
 from replan.rc.jobs import Job
 from replan.rc.records import ROOT, EpisodeAction, EpisodeRecord, Setup
 from replan.rc.tasks import RcTask, task_named
+from replan_base.errors import ReplanError
 
 if TYPE_CHECKING:
     from hw_interface.cell.client import CellClient
@@ -82,7 +82,7 @@ def run_episode(job: Job, setup: Setup, runs_dir: Path) -> EpisodeRecord:
     options = options_of(job, setup, runs_dir)
     try:
         report = run_goal(options, lambda text: print(text, file=sys.stderr, flush=True), note_truth)
-    except EXPECTED_ERRORS as error:
+    except ReplanError as error:
         name = type(error).__name__
         return EpisodeRecord(**common, cause=name, why=str(error), reason=str(error), **told(runs_dir))
     common |= told(runs_dir)
