@@ -8,8 +8,8 @@ from control.errors import ConfigError, MachineError
 from control.trajectory.samples import GripperCommand
 from hw_interface.robotiq.gripper import connect_robotiq
 from hw_interface.robotiq.registers import Calibration, Status, force_byte, request, speed_byte
-from tests.support.robot_side.hw_support import until
 from tests.support.robot_side.robotiq_double import RobotiqDouble, on_serial_line, on_tcp
+from tests.support.waiting import until
 
 OPEN, CLOSE = GripperCommand("move", 0.085), GripperCommand("move", 0.0)
 

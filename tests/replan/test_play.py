@@ -20,7 +20,8 @@ from control.trajectory.samples import Trajectory
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
 from replan.robot.play import play
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, swing, until
+from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, swing
+from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")

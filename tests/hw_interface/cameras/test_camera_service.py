@@ -38,8 +38,9 @@ from replan.robot.camera_process import CameraOptions, serve_device
 from replan.run.goal import _check_cameras
 from tests.hw_interface.test_ros2 import CELL
 from tests.support.robot_side.camera_doubles import LiveSource, SteeredSource, picture
-from tests.support.robot_side.hw_support import certificate, from_here, robot_process, robot_thread, until
+from tests.support.robot_side.hw_support import certificate, from_here, robot_process, robot_thread
 from tests.support.robot_side.link_certificates import link
+from tests.support.waiting import until
 
 PLACE = np.array([[1.0, 0, 0, 0.1], [0, 1.0, 0, 0.2], [0, 0, 1.0, 0.3], [0, 0, 0, 1.0]])
 

@@ -16,7 +16,8 @@ from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import CameraGoneError
 from hw_interface.link.transport import open_client_session
-from tests.support.robot_side.hw_support import blank_frame, robot_process, until
+from tests.support.robot_side.hw_support import blank_frame, robot_process
+from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,8 @@ from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, CellInfo, InfoRequest, Refusal
 from hw_interface.messages.wire import PROTOCOL_VERSION, decode, encode, seal
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, robot_thread, until
+from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, robot_thread
+from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,9 @@ from hw_interface.link.rights import may_ask
 from hw_interface.link.security import ROLES, read_link_file
 from hw_interface.messages.robot import InfoRequest
 from hw_interface.messages.wire import encode
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_thread, until
+from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_thread
 from tests.support.robot_side.link_certificates import lasting_from_to, link
+from tests.support.waiting import until
 
 NOW = datetime.datetime.now(datetime.UTC)
 DAY = datetime.timedelta(days=1)

@@ -13,7 +13,7 @@ import zenoh
 
 from hw_interface.link import transport
 from tests.support.robot_side.hw_link_peer import NAME
-from tests.support.robot_side.hw_support import until
+from tests.support.waiting import until
 
 CAMERAS = "cell/camera/*"
 

@@ -19,7 +19,8 @@ from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, Refusal, RobotState, StateRequest
 from hw_interface.messages.wire import decode, encode
-from tests.support.robot_side.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process, until
+from tests.support.robot_side.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process
+from tests.support.waiting import until
 
 HEAVY = ("mujoco", "torch", "open3d", "transformers", "scipy", "cv2")
 

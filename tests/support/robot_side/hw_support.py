@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -23,6 +23,7 @@ from hw_interface.cell.process import SimProcess, start_sim_process
 from hw_interface.link.security import LinkSecurity
 from hw_interface.simulated.fake_backend import PerfectRobot
 from perception.frames import CameraIntrinsics, RgbdFrame
+from tests.support.waiting import until
 
 PROFILE = "panda/5"
 FIRMWARE = panda_limits().firmware
@@ -126,16 +127,6 @@ def robot_process(kind: str = "perfect", speed: float = 1.0, endpoint: str = "tc
     command = [sys.executable, "-m", "tests.support.robot_side.hw_robot_process", kind, endpoint, str(speed)]
     with start_sim_process(command, deadline=60.0) as process:
         yield process
-
-
-def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
-    """Whether the condition became true in time."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 @contextmanager
