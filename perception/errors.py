@@ -2,6 +2,7 @@
 
 PerceptionError
 ├── FrameError            a frame that cannot be used: wrong size, no valid depth, bad intrinsics
+├── MissingPackageError   an optional package that is not installed
 ├── ModelUnavailableError a detector or segmenter whose weights, packages or device are not on this machine
 ├── OptionError           an option that is outside of its range
 └── UnknownPhraseError    a phrase that the chosen detector has no way to look for
@@ -18,6 +19,10 @@ class PerceptionError(ReplanError):
 
 class FrameError(PerceptionError):
     """A frame that cannot be used."""
+
+
+class MissingPackageError(PerceptionError):
+    """An optional package that is not installed; the message says what to install."""
 
 
 class ModelUnavailableError(PerceptionError):

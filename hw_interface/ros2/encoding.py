@@ -1,4 +1,4 @@
-"""Messages of a robot in ROS 2's encoding (CDR); those of pictures and transforms are in `perception.ros2.cdr`."""
+"""Messages of a robot in ROS 2's encoding (CDR); those of pictures and transforms are in `perception.ros2.messages`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,16 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from perception.ros2.cdr import Cdr
+from perception.ros2.messages import encoded, header, moment, numbers, part
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+JOINT_TRAJECTORY, POINT = "trajectory_msgs/msg/JointTrajectory", "trajectory_msgs/msg/JointTrajectoryPoint"
+DURATION = "builtin_interfaces/msg/Duration"
+DIAGNOSTICS, STATUS = "diagnostic_msgs/msg/DiagnosticArray", "diagnostic_msgs/msg/DiagnosticStatus"
+KEY_VALUE = "diagnostic_msgs/msg/KeyValue"
 LOG = "rcl_interfaces/msg/Log"
-STRING = "std_msgs/msg/String"
-TF = "tf2_msgs/msg/TFMessage"
-IMAGE = "sensor_msgs/msg/Image"
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3  # diagnostic_msgs/msg/DiagnosticStatus
 LOG_LEVELS: dict[str, int] = {"info": 20, "warn": 30, "error": 40}  # rcl_interfaces/msg/Log
@@ -30,14 +28,14 @@ class Ros2Message:
         topic: Its topic without the leading slash, for instance "joint_states".
         kind: Its type, for instance "sensor_msgs/msg/JointState".
         stamp_ns: When what it says was so, in [ns] since 1970.
-        data: CDR, little-endian, with its header of four bytes.
+        data: CDR, little-endian, with its header of four bytes; it cannot be changed.
         latched: Whether someone who comes later still needs it (durability transient local).
     """
 
     topic: str
     kind: str
     stamp_ns: int
-    data: bytes
+    data: memoryview
     latched: bool = False
 
 
@@ -48,10 +46,10 @@ def joint_state(
     position: np.ndarray,
     velocity: np.ndarray,
     effort: np.ndarray,
-) -> bytes:
+) -> memoryview:
     """A sensor_msgs/msg/JointState; arrays of shape (n,) in [rad] or [m], [rad/s] or [m/s], [Nm] or [N]."""
-    out = Cdr().header(stamp_ns, frame).texts(names)
-    return out.numbers(position).numbers(velocity).numbers(effort).data
+    values = numbers(position), numbers(velocity), numbers(effort)
+    return encoded(JOINT_STATE, header(stamp_ns, frame), list(names), *values)
 
 
 def joint_trajectory(
@@ -62,7 +60,7 @@ def joint_trajectory(
     q: np.ndarray,
     qd: np.ndarray,
     qdd: np.ndarray,
-) -> bytes:
+) -> memoryview:
     """A trajectory_msgs/msg/JointTrajectory.
 
     Args:
@@ -72,24 +70,22 @@ def joint_trajectory(
         times_ns: Times of the points since the beginning in whole [ns], shape (n,).
         q, qd, qdd: Points in [rad], [rad/s], [rad/s^2], shape (n, k).
     """
-    out = Cdr().header(stamp_ns, frame).texts(names).put("I", len(q))
     nothing = np.empty(0)
-    for i in range(len(q)):
-        out.numbers(q[i]).numbers(qd[i]).numbers(qdd[i]).numbers(nothing)
-        out.put("iI", *divmod(int(times_ns[i]), 10**9))
-    return out.data
+    points = [
+        part(POINT, *rows, nothing, part(DURATION, *divmod(int(at), 10**9)))
+        for at, *rows in zip(times_ns, numbers(q), numbers(qd), numbers(qdd), strict=True)
+    ]
+    return encoded(JOINT_TRAJECTORY, header(stamp_ns, frame), list(names), points)
 
 
-def diagnostics(stamp_ns: int, level: int, name: str, message: str, hardware: str, values: Mapping[str, str]) -> bytes:
+def diagnostics(
+    stamp_ns: int, level: int, name: str, message: str, hardware: str, values: Mapping[str, str]
+) -> memoryview:
     """A diagnostic_msgs/msg/DiagnosticArray of one status: OK, WARN, ERROR or STALE, and numbers as texts."""
-    out = Cdr().header(stamp_ns, "").put("I", 1).put("B", level).text(name).text(message).text(hardware)
-    out.put("I", len(values))
-    for key, value in values.items():
-        out.text(key).text(value)
-    return out.data
+    pairs = [part(KEY_VALUE, key, value) for key, value in values.items()]
+    return encoded(DIAGNOSTICS, header(stamp_ns, ""), [part(STATUS, level, name, message, hardware, pairs)])
 
 
-def log(stamp_ns: int, level: LogLevel, name: str, message: str) -> bytes:
+def log(stamp_ns: int, level: LogLevel, name: str, message: str) -> memoryview:
     """An rcl_interfaces/msg/Log without a place in a program."""
-    out = Cdr().put("iI", *divmod(stamp_ns, 10**9)).put("B", LOG_LEVELS[level]).text(name).text(message)
-    return out.text("").text("").put("I", 0).data
+    return encoded(LOG, moment(stamp_ns), LOG_LEVELS[level], name, message, "", "", 0)

@@ -20,7 +20,7 @@ import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from hw_interface.ros2.type_hashes import type_hash
+from perception.ros2.messages import type_hash
 
 NODE_NAME = "replan"
 DEPTH = 10  # messages that a reader keeps by default

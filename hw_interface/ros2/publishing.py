@@ -62,9 +62,9 @@ class _Topic:
         token = naming.token(first.topic, first.kind, own_id, entity, first.latched)
         self._token = session.liveliness().declare_token(token)
 
-    def put(self, data: bytes) -> None:
+    def put(self, data: memoryview) -> None:
         self._sequence += 1
-        self._publisher.put(data, attachment=self._naming.attachment(self._sequence, self._sender))
+        self._publisher.put(bytes(data), attachment=self._naming.attachment(self._sequence, self._sender))
 
     def close(self) -> None:
         self._token.undeclare()

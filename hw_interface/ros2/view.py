@@ -24,7 +24,17 @@ from hw_interface.ros2 import encoding
 from hw_interface.ros2.encoding import LogLevel, Ros2Message
 from hw_interface.ros2.link_tree import BASE, LinkPose, LinkTree
 from perception.frames import RgbdFrame
-from perception.ros2.cdr import camera_info, image, string, transforms
+from perception.ros2.messages import (
+    CAMERA_INFO,
+    IMAGE,
+    STRING,
+    TF,
+    camera_info,
+    image,
+    message_types,
+    string,
+    transforms,
+)
 from perception.ros2.topic_names import topic_name
 
 WORLD = "world"
@@ -69,11 +79,13 @@ class Ros2View:
 
     Raises:
         ConfigError: The robot's description is not installed.
+        MissingPackageError: The library that encodes is not installed.
     """
 
     def __init__(
         self, gripper: GripperModel, world_T_base: np.ndarray, cameras: tuple[MountedCamera, ...] = ()
     ) -> None:
+        message_types()  # now, so that the first message does not wait for it
         self._tree = LinkTree(gripper)
         self._names = (*JOINT_NAMES, *self._tree.finger_joints)
         self._world_T_base = world_T_base
@@ -110,7 +122,7 @@ class Ros2View:
         # The mode is published again with the diagnostics, so that whoever comes later learns it as well.
         if state.mode != self._mode or state.stamp >= self._next_diagnostics:
             self._mode, self._next_diagnostics = state.mode, state.stamp + DIAGNOSTICS_PERIOD
-            messages.append(Ros2Message("robot_mode", encoding.STRING, stamp, string(state.mode)))
+            messages.append(Ros2Message("robot_mode", STRING, stamp, string(state.mode)))
             messages.append(self._diagnostics(state))
         return messages
 
@@ -144,9 +156,9 @@ class Ros2View:
             ("aligned_depth_to_color", "32FC1", frame.depth),
         ):
             topic = f"{camera}/{part}"
-            messages.append(Ros2Message(f"{topic}/camera_info", encoding.CAMERA_INFO, stamp, info))
+            messages.append(Ros2Message(f"{topic}/camera_info", CAMERA_INFO, stamp, info))
             picture = image(stamp, optical, kind, pixels)
-            messages.append(Ros2Message(f"{topic}/image_raw", encoding.IMAGE, stamp, picture))
+            messages.append(Ros2Message(f"{topic}/image_raw", IMAGE, stamp, picture))
         if all(frame.camera != c.name for c in self._cameras):
             messages.append(_tf("tf", stamp, [LinkPose.of(WORLD, optical, frame.world_T_camera)]))
         return messages
@@ -197,4 +209,4 @@ def _ns(stamp: float) -> int:
 
 def _tf(topic: str, stamp: int, poses: list[LinkPose], latched: bool = False) -> Ros2Message:
     data = transforms([(stamp, p.parent, p.child, p.position, p.quaternion) for p in poses])
-    return Ros2Message(topic, encoding.TF, stamp, data, latched)
+    return Ros2Message(topic, TF, stamp, data, latched)

@@ -17,15 +17,16 @@ from perception.geometry.gravity_alignment import camera_above_plane
 from perception.ground_truth import FrameTruth
 from perception.recordings.base import Recording, Skipped, TruthOfFrame
 from perception.recordings.intrinsics_file import IntrinsicsFile, read_intrinsics
-from perception.recordings.mcap_cameras import INFO, CameraTopics, McapChoice, PictureTopic, find_cameras
+from perception.recordings.mcap_cameras import CameraTopics, McapChoice, PictureTopic, find_cameras
 from perception.recordings.mcap_stream import McapStream, RosMessage
 from perception.recordings.recorded_truth import LABELS_ENDING, TRUTH_TOPIC, RecordedTruth
 from perception.ros2.camera_info import Lens, is_rectified, lens_of
-from perception.ros2.images import COMPRESSED, IMAGE, colour_picture, depth_picture
+from perception.ros2.images import colour_picture, depth_picture
+from perception.ros2.messages import CAMERA_INFO, COMPRESSED, IMAGE, TF
 from perception.ros2.stamp_pairs import Lonely, Stamped, StampPairs
 from perception.ros2.transform_tree import TransformTree
 
-TF, TF_STATIC, TF_KIND = "/tf", "/tf_static", "tf2_msgs/msg/TFMessage"
+TF_TOPIC, STATIC_TOPIC = "/tf", "/tf_static"
 WORLDS = ("world", "map", "panda_link0", "fr3_link0", "base_link")  # frames that are taken for the world, in this order
 TRUTHS_KEPT, LABELS_KEPT = 200, 20  # texts of truth and pictures of labels that wait for their frames
 
@@ -85,20 +86,20 @@ class McapRecording(Recording):
 
         def wanted(topic: str, kind: str) -> bool:
             self._topics.add(topic)
-            if kind == TF_KIND:
-                return topic.endswith((TF, TF_STATIC))
+            if kind == TF:
+                return topic.endswith((TF_TOPIC, STATIC_TOPIC))
             if topic.endswith(LABELS_ENDING):
                 return False
-            return kind in (IMAGE, COMPRESSED, INFO) and topic not in self._pictures and topic not in self._infos
+            return kind in (IMAGE, COMPRESSED, CAMERA_INFO) and topic not in self._pictures and topic not in self._infos
 
         for m in self._stream.messages(wanted):
             if isinstance(m, Skipped):
                 self._unread.setdefault(m.where, m.reason)
                 continue
             try:
-                if m.kind == TF_KIND:
-                    self._tree.add(m.content.transforms, m.topic.endswith(TF_STATIC))
-                elif m.kind == INFO:
+                if m.kind == TF:
+                    self._tree.add(m.content.transforms, m.topic.endswith(STATIC_TOPIC))
+                elif m.kind == CAMERA_INFO:
                     self._infos[m.topic] = m.content
                 else:
                     self._pictures[m.topic] = PictureTopic.of(m.topic, m.kind, m.content)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from perception.errors import FrameError
-from perception.ros2.images import IMAGE, is_depth, is_in_metres, picture_size
+from perception.ros2.images import is_depth, is_in_metres, picture_size
+from perception.ros2.messages import CAMERA_INFO, IMAGE
 
-INFO = "sensor_msgs/msg/CameraInfo"
 UNREAD_NAMED = 3  # of the messages that cannot be read
 COMPRESSED_ENDINGS = ("/compressed", "/compressedDepth")
 # Words of topics that hold the wanted picture, the best first; then words of those that are something else.
@@ -112,7 +112,7 @@ def find_cameras(
         FrameError: There is none, several fit, or a topic that was named is not there; lists the topics.
     """
     has = f"it has {'; '.join(p.label for p in pictures.values()) or 'no pictures'}" + "".join(
-        f"; '{topic}' ({INFO})" for topic in infos
+        f"; '{topic}' ({CAMERA_INFO})" for topic in infos
     )
     has += "".join(f"; {where}: {reason}" for where, reason in list(unread.items())[:UNREAD_NAMED])
     for option, named, known in (
@@ -220,6 +220,6 @@ def _info(
     if len(of_frame) == 1:
         return of_frame[0]
     raise FrameError(
-        f"nothing says the intrinsics of {colour.label}: '{beside}' ({INFO}) is not in the recording; name one with "
-        f"--info-topic, or say --intrinsics with a file of width, height, fx, fy, cx, cy; {has}"
+        f"nothing says the intrinsics of {colour.label}: '{beside}' ({CAMERA_INFO}) is not in the recording; name one "
+        f"with --info-topic, or say --intrinsics with a file of width, height, fx, fy, cx, cy; {has}"
     )

@@ -21,15 +21,24 @@ from scipy.spatial.transform import Rotation
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth
 from perception.recordings.recorded_truth import LABELS_ENDING, TRUTH_TOPIC, RecordedObject, RecordedTruth
-from perception.ros2.cdr import camera_info, compressed_image, image, string, transforms
 from perception.ros2.mcap_file import Ros2McapFile
+from perception.ros2.messages import (
+    CAMERA_INFO,
+    COMPRESSED,
+    IMAGE,
+    STRING,
+    TF,
+    camera_info,
+    compressed_image,
+    image,
+    string,
+    transforms,
+)
 from perception.ros2.topic_names import topic_name
 
 DepthKind = Literal["16UC1", "32FC1"]
 WORLD = "world"
 MM = 1000.0  # units of 16-bit depth a metre
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-INFO, TF, STRING = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 
 
 class McapFrameWriter:
@@ -91,7 +100,7 @@ class McapFrameWriter:
             (f"/{camera}/color", "rgb8", frame.colour),
             (f"/{camera}/aligned_depth_to_color", self._depth, depth),
         ):
-            self._file.put(f"{topic}/camera_info", INFO, stamp, info)
+            self._file.put(f"{topic}/camera_info", CAMERA_INFO, stamp, info)
             if self._compress:
                 ending, form, data = _compressed(encoding, pixels)
                 self._file.put(

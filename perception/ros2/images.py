@@ -20,7 +20,6 @@ from perception.depth_units import MILLIMETRE, depth_in_metres
 from perception.errors import FrameError
 from perception.picture_bytes import decode_picture
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 COLOUR = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}  # channels
 DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 DEPTH_HEADER = struct.Struct("<iff")

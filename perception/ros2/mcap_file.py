@@ -3,7 +3,8 @@
 from pathlib import Path
 from types import TracebackType
 
-from perception.ros2.cdr import definition
+from perception.errors import MissingPackageError
+from perception.ros2.messages import definition, message_types
 
 CHUNK = 4 * 1024 * 1024  # bytes; a reader holds one chunk
 
@@ -16,12 +17,19 @@ class Ros2McapFile:
         chunk: Bytes of messages that are collected before they are written; what a killed process loses.
 
     Raises:
+        MissingPackageError: The packages that encode and write are not installed.
         OSError: The file cannot be written.
     """
 
     def __init__(self, path: Path, chunk: int = CHUNK) -> None:
-        from mcap.writer import CompressionType, Writer  # here, so that reading other formats needs no mcap
-
+        message_types()
+        try:
+            from mcap.writer import CompressionType, Writer  # here, so that reading other formats needs no mcap
+        except ModuleNotFoundError as error:
+            raise MissingPackageError(
+                f"writing '{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
+                "(in a checkout: make setup)"
+            ) from error
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._file = path.open("wb")
@@ -42,12 +50,12 @@ class Ros2McapFile:
             self._writer.finish()
             self._file.close()
 
-    def put(self, topic: str, kind: str, stamp: int, data: bytes, logged: int | None = None) -> None:
+    def put(self, topic: str, kind: str, stamp: int, data: bytes | memoryview, logged: int | None = None) -> None:
         """Add a message.
 
         Args:
             topic: For instance "/joint_states".
-            kind: For instance "sensor_msgs/msg/JointState"; one of `perception.ros2.cdr.DEFINITIONS`.
+            kind: For instance "sensor_msgs/msg/JointState"; a type of `perception.ros2.messages.message_types`.
             stamp: When it was published in [ns].
             data: Its bytes.
             logged: When it was recorded in [ns], by which players order; None for the same.
@@ -57,5 +65,6 @@ class Ros2McapFile:
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         at = stamp if logged is None else logged
-        self._writer.add_message(self._channels[topic], log_time=at, data=data, publish_time=stamp)
+        # The library's type hints know only bytes; it writes every buffer as it is.
+        self._writer.add_message(self._channels[topic], at, data, publish_time=stamp)  # type: ignore[arg-type]
         self._file.flush()  # whatever chunk was completed is safe from the end of this process

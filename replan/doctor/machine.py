@@ -28,9 +28,9 @@ ROBOT_PACKAGES = {
     "cryptography": "keys of links between machines",
     "pymodbus": "Robotiq grippers",
     "pyserial": "Robotiq grippers",
-    "pycdr2": "ROS 2 messages",
+    "rosbags": "ROS 2 messages",
 }
-NOT_NEEDED = ("torch", "transformers", "cryptography", "pymodbus", "pyserial", "pycdr2")
+NOT_NEEDED = ("torch", "transformers", "cryptography", "pymodbus", "pyserial", "rosbags")
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from control.errors import ConfigError
+from perception.ros2.messages import message_types
 
 if TYPE_CHECKING:
     from hw_interface.ros2.view import Ros2View
@@ -51,10 +52,12 @@ def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any
 
     Raises:
         ConfigError: An option, the link file or the cell file is not valid, or the file cannot be written.
+        MissingPackageError: The library that encodes, or the one that records, is not installed.
         MachineError: The port to listen at is in use.
         RobotGoneError: Nobody answers at the endpoint.
     """
     _check(options)
+    message_types()  # what it needs is asked for before anybody is connected to
     from hw_interface.cell.client import CellClient
     from hw_interface.cell.pacing import Leash
     from hw_interface.link.security import link_or_none

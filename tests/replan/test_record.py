@@ -22,7 +22,7 @@ from perception.recordings.mcap_stream import McapStream
 from perception.recordings.mcap_writing import McapFrameWriter
 from perception.recordings.opening import open_recording
 from perception.recordings.recorded_truth import RecordedTruth
-from perception.ros2.cdr import camera_info, compressed_image, image, string, transforms
+from perception.ros2.messages import camera_info, compressed_image, image, string, transforms
 from replan.robot.record import RecordOptions, record
 from tests.support.robot_side.hw_support import robot_process
 from tests.support.robot_side.ros2_cameras import compressed, info, tf

@@ -36,9 +36,9 @@ print("checked", cell.name)
 """
 
 
-def robot_computer(module: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+def robot_computer(module: str, *arguments: str, absent: str = ABSENT) -> "subprocess.CompletedProcess[str]":
     """Run a module where the packages are absent."""
-    command = [sys.executable, "-m", "tests.support.without_packages", ABSENT, module, *arguments]
+    command = [sys.executable, "-m", "tests.support.without_packages", absent, module, *arguments]
     return subprocess.run(
         command, capture_output=True, text=True, cwd=ROOT, timeout=60, env={**os.environ, "OMP_NUM_THREADS": "1"}
     )
@@ -78,6 +78,15 @@ def test_its_commands_start_there_and_others_say_what_is_missing(tmp_path: Path)
     assert simulated.returncode == 1 and "mujoco is not installed" in simulated.stderr
 
 
+def test_without_the_library_that_encodes_one_line_says_which_extra_to_install():
+    shown = robot_computer("replan.main", "ros2", "--robot", "tcp/127.0.0.1:9", absent="rosbags")
+    assert shown.returncode == 1
+    assert shown.stderr.strip().splitlines() == [
+        "replan: messages of ROS 2 need the package rosbags, which is not installed; install the extra 'ros2' "
+        "(in a checkout: make setup, or make setup-robot)"
+    ]
+
+
 def test_its_lock_holds_the_versions_of_the_whole_and_nothing_heavy():
     def versions(path: str) -> set[str]:
         return set(re.findall(r"^([a-z0-9-]+==[^ ;]+)", (ROOT / path).read_text(), re.MULTILINE))
@@ -85,5 +94,5 @@ def test_its_lock_holds_the_versions_of_the_whole_and_nothing_heavy():
     robot = versions("requirements-robot.lock")
     assert robot < versions("requirements.lock"), "run: make lock"
     names = {entry.partition("==")[0] for entry in robot}
-    assert {"panda-python", "pymodbus", "pycdr2", "cryptography", "pin", "eclipse-zenoh"} <= names
+    assert {"panda-python", "pymodbus", "rosbags", "cryptography", "pin", "eclipse-zenoh"} <= names
     assert not names & {"torch", "transformers", "open3d", "mujoco", "opencv-python-headless", "triton"}

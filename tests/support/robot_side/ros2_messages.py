@@ -1,10 +1,14 @@
-"""ROS 2 messages for tests: definitions as the distributions have them, without comments and constants."""
+"""ROS 2 messages for tests: definitions as the distributions have them, without comments and constants.
+
+Messages are written and decoded by mcap-ros2-support, which shares nothing with the product's encoder.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap_ros2._dynamic import generate_dynamic
 from mcap_ros2.writer import Writer
 
 DEFINITIONS = {
@@ -105,6 +109,11 @@ def definition(kind: str) -> str:
         inside = (line.split()[0].removesuffix("[]") for line in text.splitlines())
         names.extend(n for n in dict.fromkeys(inside) if n in DEFINITIONS and n not in names)
     return "\n".join(parts)
+
+
+def decode_ros2(kind: str, data: bytes | memoryview) -> Any:
+    """A message by the definitions above."""
+    return generate_dynamic(kind, definition(kind))[kind](bytes(data))
 
 
 def moment(seconds: float) -> dict[str, int]:
