@@ -23,6 +23,7 @@ from perception.estimates import SceneEstimate
 from perception.frames import RgbdFrame
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.language.furnishings import known_furniture
+from planning.loop.context import RunContext
 from planning.loop.interfaces import AttemptResult
 from planning.loop.loop import run_loop
 from replan.run.term_evaluator import SeenTermEvaluator
@@ -105,8 +106,8 @@ def plan_one(name: str) -> PlanRow:
 
         parsed, moves, claimed = True, False, False
         try:
-            result = run_loop(
-                goal.goal,
+            context = RunContext(
+                goal=goal.goal,
                 reasoner=BuiltinReasoner(),
                 observer=observer,
                 executor=_NoExecutor(),
@@ -115,6 +116,7 @@ def plan_one(name: str) -> PlanRow:
                 log=log,
                 furniture=known_furniture(cell.furniture),
             )
+            result = run_loop(context)
             claimed, reason = result.reached, result.reason
         except FirstMotion as motion:
             moves, reason = True, str(motion)

@@ -1,14 +1,18 @@
 """What the loop is compared with, made of the same parts: world, prompts and parsers.
 
-Each method is a function with the loop's inputs and result; `METHODS` names them all, the loop first.
+Each method is a function of a `planning.loop.context.RunContext`, as the loop is. `METHODS` names them all, the loop
+first.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 from planning.loop.results import GoalResult
+
+if TYPE_CHECKING:
+    from planning.loop.context import RunContext
 
 
 @dataclass(frozen=True)
@@ -18,7 +22,7 @@ class Method:
     Attributes:
         what: In a few words, for help texts and reports.
         module, function: Where it is; imported when it is first used, for some need what others do not.
-        symbolic: Whether it plans with symbols, and so can be told facts (`told`) and writes its problem down (`keep`).
+        symbolic: Whether it plans with symbols, and so can be told facts.
     """
 
     what: str
@@ -26,9 +30,9 @@ class Method:
     function: str
     symbolic: bool = False
 
-    def run(self, goal: str, **parts: Any) -> GoalResult:
-        """Reach a goal, or say why not; see the function for its arguments and errors."""
-        return getattr(import_module(self.module), self.function)(goal, **parts)
+    def run(self, context: "RunContext") -> GoalResult:
+        """Reach a goal, or say why not; see the function for its errors."""
+        return getattr(import_module(self.module), self.function)(context)
 
 
 METHODS: Mapping[str, Method] = {

@@ -1,71 +1,42 @@
 """What all baselines share: names to look for, motions that are played and judged once, and the result."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
-from control.errors import GoalError
 from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec, RewardTerm
 from perception.estimates import SceneEstimate
 from planning.language.answers import Plan
-from planning.language.furnishings import KnownFurniture
 from planning.loop.attempt import attempt, judged
-from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
+from planning.loop.context import RunContext
 from planning.loop.results import GoalResult, StepRecord
 from planning.loop.visual_targets import VisualTargets
-from planning.reasoners.reasoner import Log
 
 
 class Trial:
     """One run of a baseline: looks, plays, judges and keeps count; it never tries anything twice.
 
     Args:
-        goal: In plain language.
-        observer, executor, evaluator: The world, see `planning.loop.interfaces`.
-        known_names: Names that the cell says may be there.
-        furniture: What is known of the cell's furniture, by name; looked for as well.
-        log: Gets the same events as the loop's.
-        say: Gets a line of progress for people at a time.
+        context: What the run is given; its log gets the same events as the loop's.
 
     Attributes:
-        sight: Looks for the names.
+        context: The same.
+        targets: Looks for the names.
         plans, steps: What was planned and tried so far.
-
-    Raises:
-        GoalError: The goal is empty.
     """
 
-    def __init__(
-        self,
-        goal: str,
-        observer: SceneObserver,
-        executor: MotionExecutor,
-        evaluator: TermEvaluator,
-        known_names: Sequence[str],
-        furniture: Mapping[str, KnownFurniture],
-        log: Log,
-        say: Callable[[str], None],
-    ) -> None:
-        if not goal.strip():
-            raise GoalError('the goal is empty; say what to reach, for instance "place the red cube on the crate"')
-        self.goal = goal
-        self.executor = executor
-        self.log = log
-        self.say = say
-        self._evaluator = evaluator
-        self._furniture = furniture
-        self.sight = VisualTargets(goal, known_names, observer, log, furniture)
+    def __init__(self, context: RunContext) -> None:
+        self.context = context
+        self.targets = VisualTargets(
+            context.goal, context.known_names, context.observer, context.log, context.furniture
+        )
         self.plans: list[Plan] = []
         self.steps: list[StepRecord] = []
-
-    def joints(self, scene: SceneEstimate) -> tuple[str, ...]:
-        """Joints that a hand can drive, of the furniture in view."""
-        return tuple(j.name for name, f in self._furniture.items() if scene.get(name) for j in f.joints if j.by_hand)
 
     def planned(self, plan: Plan) -> Plan:
         """Note a plan."""
         self.plans.append(plan)
-        self.log("plan", thought=plan.thought, steps=plan.steps)
-        self.say(f"plan: {'; '.join(plan.steps) or 'none'} ({plan.thought})")
+        self.context.log("plan", thought=plan.thought, steps=plan.steps)
+        self.context.say(f"plan: {'; '.join(plan.steps) or 'none'} ({plan.thought})")
         return plan
 
     def motion(
@@ -77,7 +48,7 @@ class Trial:
             Why it failed (None if it did not), the latest look, and what was seen, in a sentence.
         """
         cause = self.attempted(spec, scene)
-        latest = self.sight.look()
+        latest = self.targets.look()
         text = "" if cause is None else cause.message
         if cause is None or cause.evidence.get("grasps_that_held"):
             # Of a handle that slipped out of the hand, what is seen tells whether the door followed.
@@ -89,24 +60,27 @@ class Trial:
 
     def attempted(self, spec: RewardSpec, scene: SceneEstimate) -> FailureCause | None:
         """One attempt of the executor; why nothing was played to its end, or None."""
-        return attempt(self.executor, spec, scene, self.log)[0]
+        return attempt(self.context.executor, spec, scene, self.context.log)[0]
 
     def judged(self, term: RewardTerm, scene: SceneEstimate, before: SceneEstimate) -> tuple[FailureCause | None, str]:
         """Why a term is not seen to be met (None if it is), and what is seen, in a sentence."""
-        return judged(self._evaluator, term, scene, before, self.log, self.say)
+        context = self.context
+        return judged(context.evaluator, term, scene, before, context.log, context.say)
 
     def done(self, action: str, cause: FailureCause | None, kind: str = "hands") -> None:
         """Note a step that was tried."""
         self.steps.append(StepRecord(action, kind, cause is None, cause))
         if cause is not None:
-            self.log("step_failed", action=action, cause=cause)
-            self.say(f"failed: {cause.kind}: {cause.message}")
+            self.context.log("step_failed", action=action, cause=cause)
+            self.context.say(f"failed: {cause.kind}: {cause.message}")
 
     def missing_sentence(self, scene: SceneEstimate) -> str:
         """What the goal speaks of and is not in view, for people; "" when all is there."""
-        return self.sight.missing_sentence(scene) if self.sight.missing(scene) else ""
+        return self.targets.missing_sentence(scene) if self.targets.missing(scene) else ""
 
-    def result(self, reached: bool, reason: str, scene: SceneEstimate, causes: Iterable[FailureCause] = ()):
+    def result(
+        self, reached: bool, reason: str, scene: SceneEstimate, causes: Iterable[FailureCause] = ()
+    ) -> GoalResult:
         """How the run ended.
 
         Args:
@@ -117,5 +91,5 @@ class Trial:
         """
         of_steps = tuple(s.cause for s in self.steps if s.cause is not None)
         result = GoalResult(reached, reason, tuple(self.plans), tuple(self.steps), 0, (*causes, *of_steps), scene)
-        self.log("goal_result", reached=reached, reason=reason, replans=0, causes=result.causes)
+        self.context.log("goal_result", reached=reached, reason=reason, replans=0, causes=result.causes)
         return result

@@ -4,55 +4,30 @@ No plan, no verifier, no diagnosis and no second try. The goal is reached when t
 met after the motion.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
 from control.errors import ReasonerError
 from control.tasks.failure import FailureCause
 from planning.baselines.common import Trial
-from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
-from planning.loop.results import GoalResult, LoopSettings
+from planning.loop.context import RunContext
+from planning.loop.results import GoalResult
 from planning.loop.subtask import Scope, spec_for
 from planning.loop.verifier import AsWritten
-from planning.reasoners.reasoner import Asker, Log, Reasoner
-from prompts.contracts import Role
 
 
-def run_language_to_rewards(
-    goal: str,
-    *,
-    reasoner: Reasoner,
-    observer: SceneObserver,
-    executor: MotionExecutor,
-    evaluator: TermEvaluator,
-    known_names: Sequence[str],
-    furniture: Mapping[str, KnownFurniture],
-    log: Log,
-    say: Callable[[str], None] = lambda text: None,
-    pictures: Callable[[], Sequence[Any]] = lambda: (),
-    settings: LoopSettings | None = None,
-    by_role: Mapping[Role, Reasoner] | None = None,
-) -> GoalResult:
+def run_language_to_rewards(context: RunContext) -> GoalResult:
     """Reach a goal by one motion, or say why not.
 
-    Args:
-        goal: In plain language; it stands where the loop's prompts have a step.
-        reasoner, observer, executor, evaluator, known_names, log, say, by_role: As for the loop.
-        furniture: What is known of the cell's furniture, by name.
-        pictures: Not used: none of the questions is about a picture.
-        settings: Only `tries` is used.
+    The goal stands where the loop's prompts have a step. Of the settings only `tries` is used; none of the questions is
+    about a picture.
 
     Raises:
-        GoalError: The goal is empty.
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
-    asker = Asker(reasoner, log, (settings or LoopSettings()).tries, by_role)
-    scene = trial.sight.look()
+    goal, log = context.goal, context.log
+    trial, asker = Trial(context), context.asker()
+    scene = trial.targets.look()
     try:
-        spec = spec_for(goal, Scope(scene.names, trial.joints(scene), (goal,), ()), asker, AsWritten(log), log)
+        spec = spec_for(goal, Scope(scene.names, context.joints(scene), (goal,), ()), asker, AsWritten(log), log)
     except ReasonerError as error:
         reason = trial.missing_sentence(scene) or str(error)
         trial.done(goal, FailureCause("reasoner_error", goal, reason))

@@ -5,65 +5,39 @@ planned anew. The run ends at the first step that is not seen to be done. The go
 the last step is seen to be done is all.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
 from control.errors import ReasonerError
 from control.tasks.failure import FailureCause
 from perception.estimates import SceneEstimate
 from planning.baselines.common import Trial
 from planning.language.answers import Plan, parse_completion, parse_plan, parse_yes_no
-from planning.language.furnishings import KnownFurniture
 from planning.language.names import mentioned
-from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
+from planning.loop.context import RunContext
 from planning.loop.perceiver import Perceiver, describe
-from planning.loop.results import GoalResult, LoopSettings
+from planning.loop.results import GoalResult
 from planning.loop.subtask import Scope, spec_for
 from planning.loop.verifier import AsWritten
-from planning.reasoners.reasoner import Asker, Log, Reasoner
-from prompts.contracts import Role
+from planning.reasoners.reasoner import Asker
 
 
-def run_one_shot_plan(
-    goal: str,
-    *,
-    reasoner: Reasoner,
-    observer: SceneObserver,
-    executor: MotionExecutor,
-    evaluator: TermEvaluator,
-    known_names: Sequence[str],
-    furniture: Mapping[str, KnownFurniture],
-    log: Log,
-    say: Callable[[str], None] = lambda text: None,
-    pictures: Callable[[], Sequence[Any]] = lambda: (),
-    settings: LoopSettings | None = None,
-    by_role: Mapping[Role, Reasoner] | None = None,
-) -> GoalResult:
+def run_one_shot_plan(context: RunContext) -> GoalResult:
     """Reach a goal by one plan, or say why not.
 
-    Args:
-        goal: In plain language.
-        reasoner, observer, executor, evaluator, known_names, log, say, by_role: As for the loop.
-        furniture: What is known of the cell's furniture, by name.
-        pictures: The latest colour pictures, uint8, shape (height, width, 3); they go along with the question for the
-            plan, and with the perceiver's.
-        settings: Only `tries` and `max_steps` are used.
+    The latest pictures go along with the question for the plan, and with the perceiver's. Of the settings only `tries`
+    and `max_steps` are used.
 
     Raises:
-        GoalError: The goal is empty.
         ReasonerError: No plan could be had from the reasoner.
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    settings = settings or LoopSettings()
-    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
-    asker = Asker(reasoner, log, settings.tries, by_role)
-    scene = trial.sight.look()
-    fields = {"objects": scene.names, "goal": goal, "facts": describe(scene, furniture)}
-    plan = trial.planned(asker.ask("high_level_plan", fields, parse_plan, pictures(), always_show=True))
+    settings = context.settings
+    trial, asker = Trial(context), context.asker()
+    scene = trial.targets.look()
+    fields = {"objects": scene.names, "goal": context.goal, "facts": describe(scene, context.furniture)}
+    plan = trial.planned(asker.ask("high_level_plan", fields, parse_plan, context.pictures(), always_show=True))
     if not plan.steps:
         return trial.result(False, trial.missing_sentence(scene) or plan.thought, scene)
-    run = _OneShot(trial, asker, plan, pictures, furniture)
+    run = _OneShot(trial, asker, plan)
     queue = list(plan.steps)
     text = ""
     while queue:
@@ -79,19 +53,13 @@ def run_one_shot_plan(
 class _OneShot:
     """Carries out the steps of the one plan."""
 
-    def __init__(
-        self,
-        trial: Trial,
-        asker: Asker,
-        plan: Plan,
-        pictures: Callable[[], Sequence[Any]],
-        furniture: Mapping[str, KnownFurniture],
-    ) -> None:
+    def __init__(self, trial: Trial, asker: Asker, plan: Plan) -> None:
         self._trial = trial
+        self._context = trial.context
         self._asker = asker
         self._plan = plan
-        self._pictures = pictures
-        self._perceiver = Perceiver(asker, trial.log, lambda scene: describe(scene, furniture))
+        furniture = trial.context.furniture
+        self._perceiver = Perceiver(asker, trial.context.log, lambda scene: describe(scene, furniture))
         self._observations: list[str] = []
 
     def step(
@@ -102,13 +70,13 @@ class _OneShot:
         A look that leaves a motion to be done puts it in front of the queue.
         """
         looks = self._asker.ask("action_kind", {"action": action}, parse_yes_no)
-        self._trial.log("route", action=action, kind="eyes" if looks else "hands")
-        self._trial.say(f"step: {action} ({'eyes' if looks else 'hands'})")
+        self._context.log("route", action=action, kind="eyes" if looks else "hands")
+        self._context.say(f"step: {action} ({'eyes' if looks else 'hands'})")
         if looks:
             return self._look(action, queue)
-        scope = Scope(scene.names, self._trial.joints(scene), self._plan.steps, tuple(self._observations))
+        scope = Scope(scene.names, self._context.joints(scene), self._plan.steps, tuple(self._observations))
         try:
-            spec = spec_for(action, scope, self._asker, AsWritten(self._trial.log), self._trial.log)
+            spec = spec_for(action, scope, self._asker, AsWritten(self._context.log), self._context.log)
         except ReasonerError as error:
             cause = FailureCause("reasoner_error", action, str(error))
             self._trial.done(action, cause)
@@ -116,21 +84,20 @@ class _OneShot:
         return self._trial.motion(action, spec, scene)
 
     def _look(self, action: str, queue: list[str]) -> tuple[FailureCause | None, SceneEstimate, str]:
-        trial = self._trial
-        scene = trial.sight.look()
-        seen = self._perceiver.observe(
-            trial.goal, self._plan.steps, action, scene, trial.joints(scene), self._pictures()
-        )
+        trial, context = self._trial, self._context
+        scene = trial.targets.look()
+        joints = context.joints(scene)
+        seen = self._perceiver.observe(context.goal, self._plan.steps, action, scene, joints, context.pictures())
         self._observations += [o for o in seen if o not in self._observations]
         fields = {"plan": self._plan.steps, "action": action, "observations": seen}
         done, remaining = self._asker.ask("action_completed", fields, parse_completion)
-        trial.log("looked", action=action, done=done, remaining=remaining)
+        context.log("looked", action=action, done=done, remaining=remaining)
         text = " ".join(o.split("? ", 1)[-1] for o in seen) or "no question about it could be answered"
         cause = None
         if remaining is not None:
             queue.insert(0, remaining)
         elif not done:
-            subject = (mentioned(action, trial.sight.names) or trial.sight.missing(scene) or [action])[0]
+            subject = (mentioned(action, trial.targets.names) or trial.targets.missing(scene) or [action])[0]
             text = trial.missing_sentence(scene) or text
             cause = FailureCause("not_seen", subject, text)
         trial.done(action, cause, kind="eyes")

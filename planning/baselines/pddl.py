@@ -5,9 +5,8 @@ a bolt, or what a bar behind handles does, is in the domain only when it was tol
 """
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from control.errors import GoalError
 from control.tasks.failure import FailureCause
@@ -20,58 +19,36 @@ from planning.baselines.strips import Action, SymbolicProblem
 from planning.baselines.symbolic_goals import SymbolicGoals, UnplannableError, read_symbolic_goals
 from planning.baselines.told import read_told
 from planning.language.answers import Plan
-from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import MotionExecutor, SceneObserver, TermEvaluator
-from planning.loop.results import GoalResult, LoopSettings
-from planning.reasoners.reasoner import Log, Reasoner
-from prompts.contracts import Role
+from planning.loop.context import RunContext
+from planning.loop.results import GoalResult
+from planning.reasoners.reasoner import Log
 
 SOLVER_SECONDS = 60.0  # [s]
 
 
-def run_pddl(
-    goal: str,
-    *,
-    reasoner: Reasoner,
-    observer: SceneObserver,
-    executor: MotionExecutor,
-    evaluator: TermEvaluator,
-    known_names: Sequence[str],
-    furniture: Mapping[str, KnownFurniture],
-    log: Log,
-    say: Callable[[str], None] = lambda text: None,
-    pictures: Callable[[], Sequence[Any]] = lambda: (),
-    settings: LoopSettings | None = None,
-    by_role: Mapping[Role, Reasoner] | None = None,
-    told: Sequence[str] = (),
-    keep: Callable[[str, str], None] = lambda name, text: None,
-    solver_seconds: float = SOLVER_SECONDS,
-) -> GoalResult:
+def run_pddl(context: RunContext, solver_seconds: float = SOLVER_SECONDS) -> GoalResult:
     """Reach a goal by one symbolic plan, or say why not.
 
+    The goal is in the small language of goals (`planning.language.goal_language`). No language model is asked.
+
     Args:
-        goal: In the small language of goals (`planning.language.goal_language`).
-        reasoner, pictures, settings, by_role: Not used: no language model is asked.
-        observer, executor, evaluator, known_names, log, say: As for the loop.
-        furniture: What is known of the cell's furniture, by name.
-        told: What no camera sees, in the form of `planning.baselines.told`.
-        keep: Keeps a text as a file of the run, by its name.
+        context: What the run is given; the problem is kept as domain.pddl and problem.pddl.
         solver_seconds: Wall time in [s] for the planner.
 
     Raises:
-        GoalError: The goal is empty.
         ConfigError: A told fact cannot be read.
         MachineError: The planner is not installed.
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
-    facts = read_told(told, furniture, trial.sight.names)
-    first = trial.sight.look()
+    goal, furniture = context.goal, context.furniture
+    trial = Trial(context)
+    facts = read_told(context.told, furniture, trial.targets.names)
+    first = trial.targets.look()
     try:
         wishes = read_symbolic_goals(goal, first, furniture, facts)
         symbols = symbolic_problem(first, furniture, wishes.told, wishes.facts)
-        actions = _plan(symbols, log, keep, solver_seconds) if symbols.goal else ()
+        actions = _plan(symbols, context.log, context.keep, solver_seconds) if symbols.goal else ()
     except (GoalError, UnplannableError, NoPlanError) as error:
         return trial.result(False, str(error), first)
     trial.planned(Plan("a shortest sequence, by what is seen and told", tuple(sentence(a) for a in actions)))
@@ -79,10 +56,10 @@ def run_pddl(
     for action in actions:
         spec = spec_of(action.skill, away)
         if spec is None:
-            scene = trial.sight.look()
+            scene = trial.targets.look()
             trial.done(sentence(action), None, kind="eyes")
             continue
-        trial.say(f"step: {sentence(action)}")
+        context.say(f"step: {sentence(action)}")
         cause, scene, text = trial.motion(sentence(action), spec, scene)
         if cause is not None:
             return trial.result(False, f"'{sentence(action)}' failed: {text}", scene)

@@ -16,7 +16,7 @@ checked per action and place in a sequence; another spot for the same thing is n
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -31,60 +31,39 @@ from planning.baselines.strips import Action, State, SymbolicProblem, TooManySta
 from planning.baselines.symbolic_goals import UnplannableError, read_symbolic_goals
 from planning.baselines.told import read_told
 from planning.language.answers import Plan
-from planning.language.furnishings import KnownFurniture
-from planning.loop.interfaces import SceneObserver, TermEvaluator
-from planning.loop.results import GoalResult, LoopSettings
-from planning.reasoners.reasoner import Log, Reasoner
-from prompts.contracts import Role
+from planning.loop.context import RunContext
+from planning.loop.results import GoalResult
+from planning.reasoners.reasoner import Log
 
 MAX_CHECKS = 20  # motions checked in the twin; each takes seconds
 
 
-def run_task_and_motion(
-    goal: str,
-    *,
-    reasoner: Reasoner,
-    observer: SceneObserver,
-    executor: RehearsingExecutor,
-    evaluator: TermEvaluator,
-    known_names: Sequence[str],
-    furniture: Mapping[str, KnownFurniture],
-    log: Log,
-    say: Callable[[str], None] = lambda text: None,
-    pictures: Callable[[], Sequence[Any]] = lambda: (),
-    settings: LoopSettings | None = None,
-    by_role: Mapping[Role, Reasoner] | None = None,
-    told: Sequence[str] = (),
-    keep: Callable[[str, str], None] = lambda name, text: None,
-    max_checks: int = MAX_CHECKS,
-) -> GoalResult:
+def run_task_and_motion(context: RunContext, max_checks: int = MAX_CHECKS) -> GoalResult:
     """Reach a goal by one plan whose motions were all checked in the twin before, or say why not.
 
+    The goal is in the small language of goals (`planning.language.goal_language`). No language model is asked and no
+    file is written.
+
     Args:
-        goal: In the small language of goals (`planning.language.goal_language`).
-        reasoner, pictures, settings, by_role, keep: Not used: no language model is asked and no file is written.
-        observer, evaluator, known_names, log, say: As for the loop.
-        executor: As for the loop, and able to rehearse.
-        furniture: What is known of the cell's furniture, by name.
-        told: What no camera sees, in the form of `planning.baselines.told`.
+        context: What the run is given, with an executor that is able to rehearse.
         max_checks: How many motions may be checked in the twin.
 
     Raises:
-        GoalError: The goal is empty.
         ConfigError: A told fact cannot be read.
         PerceptionError: Nothing can be seen.
         RobotGoneError, StoppedError, KeyboardInterrupt: Passed on untouched.
     """
-    trial = Trial(goal, observer, executor, evaluator, known_names, furniture, log, say)
-    facts = read_told(told, furniture, trial.sight.names)
-    first = trial.sight.look()
+    furniture, executor = context.furniture, cast(RehearsingExecutor, context.executor)
+    trial = Trial(context)
+    facts = read_told(context.told, furniture, trial.targets.names)
+    first = trial.targets.look()
     try:
-        wishes = read_symbolic_goals(goal, first, furniture, facts)
+        wishes = read_symbolic_goals(context.goal, first, furniture, facts)
     except (GoalError, UnplannableError) as error:
         return trial.result(False, str(error), first)
     problem = symbolic_problem(first, furniture, wishes.told, wishes.facts)
     owners = {j.name: f.name for f in furniture.values() for j in f.joints}
-    search = _Search(problem, owners, distances(first, furniture), executor, log, say)
+    search = _Search(problem, owners, distances(first, furniture), executor, context.log, context.say)
     found = search.run(first, max_checks)
     if isinstance(found, str):
         return trial.result(False, found, first, search.causes)
@@ -92,12 +71,12 @@ def run_task_and_motion(
     for action, rehearsal in zip(found.actions, found.rehearsals, strict=True):
         if rehearsal is None:
             continue  # a look inside changes nothing here; the end looks anyway
-        trial.say(f"step: {sentence(action)}")
+        context.say(f"step: {sentence(action)}")
         cause = _played(executor, rehearsal, str(action.skill[1]))
         trial.done(sentence(action), cause)
         if cause is not None:
-            return trial.result(False, f"'{sentence(action)}' failed: {cause.message}", trial.sight.look())
-    return judged_goal(trial, wishes, trial.sight.look() if found.actions else first, first)
+            return trial.result(False, f"'{sentence(action)}' failed: {cause.message}", trial.targets.look())
+    return judged_goal(trial, wishes, trial.targets.look() if found.actions else first, first)
 
 
 def _played(executor: RehearsingExecutor, rehearsal: Rehearsal, subject: str) -> FailureCause | None:

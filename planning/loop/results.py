@@ -6,6 +6,7 @@ from typing import Literal
 from control.tasks.failure import FailureCause
 from perception.estimates import SceneEstimate
 from planning.language.answers import Plan
+from planning.reasoners.reasoner import TRIES
 
 Part = Literal["verifier", "perceiver", "replan"]
 
@@ -26,9 +27,19 @@ class LoopSettings:
 
     replans: int = 3
     plans: int = 2
-    tries: int = 3
+    tries: int = TRIES
     max_steps: int = 20
     without: frozenset[Part] = frozenset()
+
+    @property
+    def plans_allowed(self) -> int:
+        """How many plans, with parts left out taken into account."""
+        return 1 if "replan" in self.without else self.plans
+
+    @property
+    def replans_allowed(self) -> int:
+        """How many replans of one step, with parts left out taken into account."""
+        return 0 if "replan" in self.without else self.replans
 
 
 @dataclass(frozen=True)

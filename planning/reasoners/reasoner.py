@@ -85,6 +85,9 @@ def usage_of(reasoner: Reasoner) -> AnswerUsage:
     return reasoner.usage if isinstance(reasoner, Metered) else AnswerUsage()
 
 
+TRIES = 3  # of one question, unless it is said otherwise
+
+
 class Asker:
     """Asks reasoners and parses what they say.
 
@@ -96,7 +99,7 @@ class Asker:
     """
 
     def __init__(
-        self, reasoner: Reasoner, log: Log, tries: int = 3, by_role: Mapping[Role, Reasoner] | None = None
+        self, reasoner: Reasoner, log: Log, tries: int = TRIES, by_role: Mapping[Role, Reasoner] | None = None
     ) -> None:
         if tries < 1:
             raise ValueError(f"tries must be at least 1, not {tries}")

@@ -187,6 +187,7 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
     from hw_interface.cell.client import CellClient
     from perception.pipeline import perception_from_options
     from planning.language.furnishings import known_furniture
+    from planning.loop.context import RunContext
     from planning.reasoners.choice import make_reasoners, reasoner_names
     from planning.reasoners.usage import UsageLog
     from replan.run.episode import Episode
@@ -230,8 +231,8 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
             observer = CameraSceneObserver(client, perception, episode, film, say, watch)
             started = time.monotonic()
             method = METHODS[options.method]
-            result = method.run(
-                options.goal,
+            context = RunContext(
+                goal=options.goal,
                 reasoner=reasoner,
                 observer=observer,
                 executor=executor,
@@ -242,9 +243,11 @@ def _run(options, cell, endpoint: Callable[[], str], security: "LinkSecurity | N
                 say=say,
                 pictures=lambda: observer.pictures,
                 by_role=by_role,
-                **({"told": options.told, "keep": episode.keep} if method.symbolic else {}),
-                **({"settings": LoopSettings(without=frozenset(options.without))} if options.without else {}),
+                told=options.told,
+                keep=episode.keep,
+                settings=LoopSettings(without=frozenset(options.without)),
             )
+            result = method.run(context)
             seconds, by_part = time.monotonic() - started, watch.seconds
             if on_client:
                 on_client("after", client)

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from planning.builtin.reasoner import BuiltinReasoner
-from planning.loop.loop import LoopSettings, run_loop
+from planning.loop.loop import run_loop
+from planning.loop.results import LoopSettings
 from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal
 
 COLOURS = ("red", "yellow", "green", "blue", "orange", "purple", "white", "black")
@@ -61,17 +62,7 @@ def world_of(names: Names, places: Mapping[str, str], *furniture: str, **details
 
 
 def reach(goal: str, world: FurnishedWorld, log=None, settings=None):
-    return run_loop(
-        goal,
-        reasoner=BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=tuple(world.places),
-        furniture=world.furniture,
-        log=log or Journal(),
-        settings=settings,
-    )
+    return run_loop(context_of(goal, world, log=log, settings=settings))
 
 
 def said(name: str) -> str:

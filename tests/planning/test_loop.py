@@ -12,11 +12,12 @@ import pytest
 from control.errors import ContradictionError, GoalError, ReasonerError, RefusedError, RobotGoneError, StoppedError
 from control.tasks.failure import FailureCause
 from planning.builtin.reasoner import BuiltinReasoner
-from planning.loop.loop import LoopSettings, run_loop
+from planning.loop.loop import run_loop
+from planning.loop.results import LoopSettings
+from tests.support.models.run_contexts import CUBES, context_of
 from tests.support.models.symbolic_world import Journal, World
 
 ROOT = Path(__file__).resolve().parents[2]
-CUBES = ("crate", "red_cube", "yellow_cube")
 
 
 def cubes(**places: str) -> World:
@@ -24,16 +25,7 @@ def cubes(**places: str) -> World:
 
 
 def reach(goal: str, world: World, names=CUBES, reasoner=None, log=None, settings=None):
-    return run_loop(
-        goal,
-        reasoner=reasoner or BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=names,
-        log=log or Journal(),
-        settings=settings,
-    )
+    return run_loop(context_of(goal, world, known_names=names, reasoner=reasoner, log=log, settings=settings))
 
 
 class Overriding:
@@ -375,17 +367,9 @@ def test_each_role_can_have_a_reasoner_of_its_own():
         name = "silent"
 
     world, log = cubes(yellow_cube="crate"), Journal()
-    run_loop(
-        "place the red cube on the crate",
-        reasoner=BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=CUBES,
-        log=log,
-        by_role={"perceiver": Silent()},
-        pictures=lambda: ("picture",),
-    )
+    others = {"perceiver": Silent()}
+    goal = "place the red cube on the crate"
+    run_loop(context_of(goal, world, log=log, by_role=others, pictures=lambda: ("picture",)))
     by_silent = {data["contract"] for data in log.of("prompt") if data["reasoner"] == "silent"}
     assert by_silent == {"diagnose_failure"}
     assert {data["pictures"] for data in log.of("prompt") if data["contract"] == "diagnose_failure"} == {1}

@@ -3,7 +3,7 @@
 import pytest
 
 from control.tasks.failure import FailureCause
-from planning.loop.loop import LoopSettings
+from planning.loop.results import LoopSettings
 from tests.planning.test_loop import Overriding, cubes, reach
 from tests.support.models.symbolic_world import Journal
 

@@ -13,9 +13,9 @@ from planning.baselines.one_shot_plan import run_one_shot_plan
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.results import LoopSettings
 from tests.support.models.furnished_world import FurnishedWorld, piece
-from tests.support.models.symbolic_world import Journal, World
+from tests.support.models.run_contexts import CUBES, context_of
+from tests.support.models.symbolic_world import World
 
-CUBES = ("crate", "red_cube", "yellow_cube")
 BOTH = pytest.mark.parametrize("run", [run_language_to_rewards, run_one_shot_plan])
 
 
@@ -24,17 +24,7 @@ def cubes(**places: str) -> World:
 
 
 def reach(run, goal: str, world: World, names=CUBES, reasoner=None, log=None, **more):
-    return run(
-        goal,
-        reasoner=reasoner or BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=names,
-        furniture=getattr(world, "furniture", {}),
-        log=log or Journal(),
-        **more,
-    )
+    return run(context_of(goal, world, known_names=names, reasoner=reasoner, log=log, **more))
 
 
 class Scripted:

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from control.errors import ConfigError, GoalError, MachineError
-from planning.baselines.pddl import run_pddl
+from planning.baselines.pddl import SOLVER_SECONDS, run_pddl
 from planning.baselines.solver import solve_files
-from planning.builtin.reasoner import BuiltinReasoner
 from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal
 
 CUPBOARD = {"cupboard": piece("cupboard", "door", "door"), "lever": piece("lever", "lever", "rod")}
@@ -20,18 +20,8 @@ def cubes(**more) -> FurnishedWorld:
     return FurnishedWorld(places, frozenset({"crate"}), **more)
 
 
-def reach(goal: str, world: FurnishedWorld, log=None, **more):
-    return run_pddl(
-        goal,
-        reasoner=BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=tuple(world.places),
-        furniture=world.furniture,
-        log=log or Journal(),
-        **more,
-    )
+def reach(goal: str, world: FurnishedWorld, log=None, solver_seconds=SOLVER_SECONDS, **more):
+    return run_pddl(context_of(goal, world, log=log, **more), solver_seconds)
 
 
 def test_a_cube_that_is_seen_on_the_crate_is_moved_first_without_replanning(capfd):

@@ -9,9 +9,9 @@ from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec
 from perception.estimates import SceneEstimate
 from planning.baselines.rehearsal import Rehearsal
-from planning.baselines.task_and_motion import run_task_and_motion
-from planning.builtin.reasoner import BuiltinReasoner
+from planning.baselines.task_and_motion import MAX_CHECKS, run_task_and_motion
 from tests.support.models.furnished_world import FurnishedWorld, piece
+from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal
 
 CUPBOARD = {"cupboard": piece("cupboard", "door", "left_door", "right_door")}
@@ -23,18 +23,8 @@ def cubes(**more) -> FurnishedWorld:
     return FurnishedWorld({**places, **more.pop("places", {})}, frozenset({"crate"}), **more)
 
 
-def reach(goal: str, world: FurnishedWorld, log=None, **more):
-    return run_task_and_motion(
-        goal,
-        reasoner=BuiltinReasoner(),
-        observer=world,
-        executor=world,
-        evaluator=world.evaluate,
-        known_names=tuple(world.places),
-        furniture=world.furniture,
-        log=log or Journal(),
-        **more,
-    )
+def reach(goal: str, world: FurnishedWorld, log=None, max_checks=MAX_CHECKS, **more):
+    return run_task_and_motion(context_of(goal, world, log=log, **more), max_checks)
 
 
 def test_nothing_moves_before_the_whole_plan_was_checked():

@@ -10,9 +10,9 @@ from planning.language.answers import UnusableAnswerError
 from planning.loop.loop import run_loop
 from planning.reasoners.cassette import CassetteReasoner, CassetteWriter, RecordingReasoner, prompt_hash, read_cassette
 from replan.run.episode import Episode
+from tests.support.models.run_contexts import CUBES, context_of
 from tests.support.models.symbolic_world import Journal, World
 
-CUBES = ("crate", "red_cube", "yellow_cube")
 GOAL = "place the red cube on the crate"
 
 
@@ -21,9 +21,7 @@ def blocked() -> World:
 
 
 def reach(reasoner, log=None, goal=GOAL, world=None):
-    world = world or blocked()
-    parts = {"observer": world, "executor": world, "evaluator": world.evaluate}
-    return run_loop(goal, reasoner=reasoner, known_names=CUBES, log=log or Journal(), **parts)
+    return run_loop(context_of(goal, world or blocked(), reasoner=reasoner, known_names=CUBES, log=log))
 
 
 def recorded(path):

@@ -12,6 +12,7 @@ from planning.language.reward_program import parse_reward_answer
 from planning.loop.loop import run_loop
 from planning.reasoners.noisy import MAKERS, Mistake, NoiseOptions, NoisyReasoner
 from prompts.contracts import CONTRACTS
+from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal, World
 
 NAMES = ("crate", "red_cube", "yellow_cube")
@@ -145,15 +146,7 @@ def test_runs_with_spoiled_answers_end_in_words_and_say_what_is_seen():
         log = Journal()
         noisy = NoisyReasoner(BuiltinReasoner(), NoiseOptions(0.4), np.random.default_rng(seed), log)
         try:
-            result = run_loop(
-                "place the red cube on the crate",
-                reasoner=noisy,
-                observer=world,
-                executor=world,
-                evaluator=world.evaluate,
-                known_names=NAMES,
-                log=log,
-            )
+            result = run_loop(context_of("place the red cube on the crate", world, reasoner=noisy, log=log))
         except StackError:
             continue
         reached += result.reached

@@ -6,15 +6,15 @@ from contextlib import ExitStack
 import pytest
 
 from control.errors import ConfigError, ReasonerError
-from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.loop import run_loop
 from planning.reasoners.choice import ReasonerOptions, make_reasoners, reasoner_names
 from planning.reasoners.usage import UsageLog
 from tests.replan.test_command_line import one_line_reason, replan
 from tests.support.models.language_server import KEY, MODEL, Status, language_server, unused_address
+from tests.support.models.run_contexts import CUBES, context_of
 from tests.support.models.symbolic_world import Journal, World
 
-CUBES = ("crate", "red_cube", "yellow_cube")
+GOAL = "place the red cube on the crate"
 
 
 @pytest.mark.parametrize(
@@ -78,16 +78,7 @@ def test_recording_noise_and_replay_fit_together(tmp_path):
         world = World({"crate": "table", "red_cube": "table", "yellow_cube": "crate"}, frozenset({"crate"}))
         with ExitStack() as stack:
             default, by_role = make_reasoners(options, 7, log, stack)
-            return run_loop(
-                "place the red cube on the crate",
-                reasoner=default,
-                by_role=by_role,
-                observer=world,
-                executor=world,
-                evaluator=world.evaluate,
-                known_names=CUBES,
-                log=log,
-            )
+            return run_loop(context_of(GOAL, world, reasoner=default, by_role=by_role, log=log))
 
     log, again = Journal(), Journal()
     options = ReasonerOptions(noise=0.1, noise_mistakes=("dropped",), record_cassette=tmp_path / "a.jsonl")
@@ -106,15 +97,7 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
         default, _ = make_reasoners(options, 0, log, stack)
         world = World(dict.fromkeys(CUBES, "table"), frozenset({"crate"}))
         with pytest.raises(ReasonerError, match="no usable answer to 'high_level_plan' in 3 tries"):
-            run_loop(
-                "place the red cube on the crate",
-                reasoner=default,
-                observer=world,
-                executor=world,
-                evaluator=world.evaluate,
-                known_names=CUBES,
-                log=log,
-            )
+            run_loop(context_of(GOAL, world, reasoner=default, log=log))
         (row,) = log.as_rows()
         assert row["reasoner"] == default.name and row["contract"] == "high_level_plan" and row["seconds"] > 0
         assert (row["questions"], row["malformed"]) == (3, 3)
@@ -125,8 +108,7 @@ def test_what_was_asked_is_counted_by_reasoner_and_contract():
 def test_rules_cost_nothing():
     log = UsageLog(Journal())
     world = World(dict.fromkeys(CUBES, "table"), frozenset({"crate"}))
-    parts = {"observer": world, "executor": world, "evaluator": world.evaluate}
-    run_loop("place the red cube on the crate", reasoner=BuiltinReasoner(), known_names=CUBES, log=log, **parts)
+    run_loop(context_of(GOAL, world, log=log))
     total = log.total()
     assert total.questions > 3 and (total.tokens_in, total.tokens_out, total.cost) == (0, 0, 0.0)
 

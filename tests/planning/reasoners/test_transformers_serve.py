@@ -19,6 +19,7 @@ from planning.loop.loop import run_loop
 from planning.reasoners.choice import ReasonerOptions, make_reasoners
 from planning.reasoners.usage import UsageLog
 from tests.support.models.language_models import save_tiny_chat_model
+from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal, World
 
 pytestmark = pytest.mark.skipif(
@@ -72,16 +73,8 @@ def test_a_run_with_nonsense_ends_with_the_last_fault_and_nothing_moved(served):
     with ExitStack() as stack:
         default, by_role = make_reasoners(options(served), 0, log, stack)
         with pytest.raises(ReasonerError) as caught:
-            run_loop(
-                "place the red cube on the crate",
-                reasoner=default,
-                by_role=by_role,
-                observer=world,
-                executor=world,
-                evaluator=world.evaluate,
-                known_names=("crate", "red_cube"),
-                log=counting,
-            )
+            goal = "place the red cube on the crate"
+            run_loop(context_of(goal, world, reasoner=default, by_role=by_role, log=counting))
     assert str(caught.value) == (
         f"{served[1]} at {served[0]} gave no usable answer to 'high_level_plan' in 3 tries; the last fault: the answer "
         "was cut off after 40 tokens; answer more briefly"
