@@ -196,9 +196,9 @@ def test_the_command_line_imports_nothing_heavy_before_a_command_is_run():
 
 
 def test_a_robot_side_reads_and_verifies_a_certificate_without_twin_and_robot_model(tmp_path):
+    from benchmarks.robot_side.perfect_robot import certificate, swing
     from control.motion_files.trajectory_file import write_trajectory
     from control.safety.certificate_file import write_certificate
-    from tests.support.robot_side.hw_support import certificate, swing
 
     motion = swing(0.2, 0.01)
     write_trajectory(tmp_path / "motion.npz", motion)

@@ -29,8 +29,8 @@ from control.errors import GoalError, StackError
 from perception.errors import PerceptionError
 from perception.ground_truth import CellTruth
 from replan.run.goal import RunOptions, run_goal
+from replan_base.processes import python_module
 
-ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 240.0  # [s] for one goal, the start of its simulated cell included
 
 
@@ -124,10 +124,10 @@ def run_apart(name: str, runs_dir: Path, limit: float) -> Row:
         limit: Wall time in [s] after which the process and the cell that it started are ended.
     """
     own = runs_dir / name
-    command = [sys.executable, "-m", "benchmarks.goals.other_words", "--here", name, "--runs-dir", str(own)]
+    command = python_module("benchmarks.goals.other_words", "--here", name, "--runs-dir", str(own))
     started = time.monotonic()
     with subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
         try:
             out, said = process.communicate(timeout=limit)
@@ -185,7 +185,7 @@ def main() -> int:
         else:
             print_plans(plans)
         return 0
-    runs_dir = options.runs_dir or ROOT / "runs" / "other_words" / time.strftime("%Y-%m-%d_%H-%M-%S")
+    runs_dir = options.runs_dir or Path("runs/other_words") / time.strftime("%Y-%m-%d_%H-%M-%S")
     if options.here:
         print(json.dumps(asdict(run_one(options.here, runs_dir))))
         return 0

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+from benchmarks.scenes.estimates import noisy_scene
 from control.errors import StackError
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
@@ -31,7 +32,6 @@ from sim_check.cells.loading import load_cell
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.twin.twin import build_twin
 from sim_check.world.world import World, build_world
-from tests.support.scenes.sim_scenes import noisy_scene
 
 TRUE_PUSH = 6.0  # [Nm] beyond dry friction, with which joints are pushed in the truth; 20 N at a handle
 LONGEST = 4.0  # [s] of such a push

@@ -22,6 +22,7 @@ import numpy as np
 
 from perception.detection.hf_models import TransformersDetector, TransformersSegmenter, load_package
 from perception.frames import CameraIntrinsics, RgbdFrame
+from replan_base.processes import python_module
 
 WIDTH, HEIGHT = 640, 480  # [px] of the frame; each model scales it to its own size
 PHRASES = ("red cube", "wooden crate", "blue bowl", "yellow lemon")
@@ -145,7 +146,7 @@ def costs(names: tuple[str, ...] = tuple(MODELS)) -> dict[str, dict[str, float]]
         with tempfile.TemporaryDirectory() as folder:
             for step in ("--save", "--measure"):
                 print(f"{name}: {step[2:]}", file=sys.stderr, flush=True)
-                command = [sys.executable, "-m", "benchmarks.looking.full_size", step, name, "--folder", folder]
+                command = python_module("benchmarks.looking.full_size", step, name, "--folder", folder)
                 done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
             report[name] = json.loads(done.stdout.splitlines()[-1])
     return report

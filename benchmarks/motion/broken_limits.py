@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.robot_side.libfranka_motions import along, swing
 from control.robot.limits import RobotLimits
 from control.trajectory.samples import SAMPLE_TIME
-from tests.support.robot_side.control_boxes import along, swing
 
 
 @dataclass(frozen=True)

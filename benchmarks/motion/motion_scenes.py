@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.scenes.estimates import estimate, exact_scene, with_errors
 from control.robot.limits import REST_Q
 from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm, TermKind
 from control.twin_model import TwinModel
@@ -17,7 +18,6 @@ from perception.estimates import SceneEstimate
 from sim_check.cells.loading import load_cell
 from sim_check.twin.twin import build_twin, perturbed_twin
 from sim_check.world.world import build_world
-from tests.support.scenes.sim_scenes import estimate, exact_scene, with_errors
 
 OPEN_WIDTH = 0.08  # [m]
 # Of the model mismatch: largest errors of furniture in [m], of loose things in [m] and [rad].

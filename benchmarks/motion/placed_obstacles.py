@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from benchmarks.motion.base_motions import Base
+from benchmarks.scenes.estimates import estimate
 from control.errors import StackError
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TCP_SITE, TwinModel
-from tests.support.scenes.sim_scenes import estimate
 
 NAME = "obstacle"
 TRIES = 45  # places that are tried

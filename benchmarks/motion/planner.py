@@ -22,6 +22,8 @@ from types import FrameType
 import numpy as np
 from mujoco import batch as mjbatch
 
+from benchmarks.scenes.furniture_twins import cabinet, sliding, with_cube
+from benchmarks.scenes.tabletop_twins import cubes, fruit, only, red_on_crate
 from control.errors import ConfigError
 from control.planners.choice import PLANNERS, Planner, planner_named
 from control.planners.result import MotionPlan
@@ -30,8 +32,6 @@ from control.safety.limits import SafetyLimits
 from control.simulation.batches import SimulatedBatch
 from control.tasks.reward_spec import RewardSpec
 from control.twin_model import TwinModel
-from tests.support.scenes.furniture_scenes import cabinet, sliding, with_cube
-from tests.support.scenes.motion_scenes import cubes, fruit, only, red_on_crate
 
 TASKS: dict[str, Callable[[], tuple[TwinModel, RewardSpec]]] = {
     "place a cube on a crate": lambda: (cubes(), red_on_crate()),

@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.motion.arm_paths import REST, noisy, pick_and_place, polyline, random_path
 from benchmarks.motion.planner_paths import stored_paths
 from control.retiming.retime import retime, retime_with_report, shortest_moving_time
 from control.retiming.segment_timing import RetimingOptions
@@ -38,7 +39,6 @@ from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.on_path_stop import stop_on_path
 from control.trajectory.playback import Playback
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment
-from tests.support.scenes.arm_paths import REST, noisy, pick_and_place, polyline, random_path
 
 CHUNK = 500  # samples compared with the polyline at once; bounds memory
 BOUND_GRID = RetimingOptions(grid=2000)  # finer ones change the bound by less than 0.3 %

@@ -40,6 +40,7 @@ from control.trajectory.samples import GripperCommand, GripperEvent, Trajectory,
 from hw_interface.cell.audit_log import DamagedLine, read_audit_log
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.gate import Gate
+from replan_base.processes import python_module
 
 STILL = 0.4  # [s] of wall time after the rest in which nothing may move
 REST = 10.0  # [s] of wall time that a motion may go on after the operator knows; its box may wait for a clearance
@@ -125,7 +126,7 @@ class Operator:
         if own_process:
             write_trajectory(folder / "motion.npz", scene.trajectory)
             write_certificate(folder / "certificate.json", scene.certificate)
-            command = [sys.executable, "-m", "replan.main", "robot", "play", str(folder / "motion.npz")]
+            command = python_module("replan.main", "robot", "play", str(folder / "motion.npz"))
             command += [str(folder / "certificate.json"), "--robot", scene.link.endpoint, "--json"]
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True

@@ -1,7 +1,6 @@
 """A real driver in front of the simulated control box: box, supervisor, player and gripper, each in its own process."""
 
 import random
-import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from hw_interface.cell.process import SimProcess, start_sim_process
 from hw_interface.fci_simulator.process import ControlBoxProcess, free_address, start_control_box
 from hw_interface.fci_simulator.server import Pace
 from replan.robot.gate import cell_gate
+from replan_base.processes import python_module
 
 CELL = "cubes"
 PATIENCE = 0.5  # [s] of wall time that the lockstep box's clock may wait for a clearance
@@ -85,19 +85,11 @@ def panda_side(
         audit_log: Default: a new one in `folder`.
         arm_alone: Nothing but the arm stands in the box's world, whatever the cell says.
     """
-    replan = [sys.executable, "-m", "replan.main", "robot"]
+    replan = python_module("replan.main", "robot")
     address = free_address(random.Random())
     box_command = [*replan, "research-interface", "--cell", CELL, "--address", address, "--pace", pace]
     if arm_alone:
-        box_command = [
-            sys.executable,
-            "-m",
-            "benchmarks.robot_side.research_interface",
-            "--box",
-            address,
-            "--box-pace",
-            pace,
-        ]
+        box_command = python_module("benchmarks.robot_side.research_interface", "--box", address, "--box-pace", pace)
     with start_control_box(box_command) as box:
         audit = audit_log or folder / f"audit_{uuid.uuid4().hex}.jsonl"
         command = [*replan, "panda", "--address", address, "--cell", CELL, "--endpoint", "tcp/127.0.0.1:0"]

@@ -27,6 +27,7 @@ import numpy as np
 
 from benchmarks.motion.broken_limits import Motion
 from benchmarks.robot_side.fault_judgement import MOVE
+from benchmarks.robot_side.libfranka_motions import swing
 from benchmarks.robot_side.panda_side import History, PandaSide, acknowledge, certified, gate, panda_side
 from benchmarks.robot_side.research_interface import find_motions, read_motions, write_motions
 from benchmarks.robot_side.transport import load
@@ -34,7 +35,6 @@ from control.errors import RefusedError, StackError
 from control.trajectory.samples import SAMPLE_TIME, Trajectory, TrajectorySegment
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.gate import Gate
-from tests.support.robot_side.control_boxes import swing
 
 COMPLETED = "completed"
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from benchmarks.motion.broken_limits import BREAKS, Motion
 from benchmarks.motion.motion_scenes import MOTIONS, draw_scene
+from benchmarks.robot_side.libfranka_motions import desired, play, robot_at, swing
 from control.errors import StackError
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
@@ -38,10 +39,10 @@ from control.trajectory.samples import SAMPLE_TIME
 from hw_interface.fci_simulator.process import ControlBoxProcess, free_address, start_control_box
 from hw_interface.fci_simulator.server import Pace
 from hw_interface.panda.scheduling import in_own_scheduling
+from replan_base.processes import python_module
 from sim_check.cells.loading import load_cell
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.robot_side.control_boxes import desired, play, robot_at, swing
 
 NAME = re.compile(r'\["([^\]]*)"\]')
 COMPLETED = "completed"
@@ -156,7 +157,7 @@ def measure(motions: list[Motion], say: Callable[[str], None]) -> list[Outcome]:
     """Play everything; one box for all of it."""
     limits, outcomes = panda_limits(), []
     address = free_address(random.Random())
-    with start_control_box([sys.executable, "-m", "benchmarks.robot_side.research_interface", "--box", address]) as box:
+    with start_control_box(python_module("benchmarks.robot_side.research_interface", "--box", address)) as box:
         player = Player(box)
         for k, motion in enumerate(motions):
             done = [Outcome(motion.name, "validated", COMPLETED, player.samples(motion.samples), _s(motion.samples))]

@@ -24,12 +24,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from benchmarks.robot_side.perfect_process import perfect_process
+from benchmarks.robot_side.perfect_robot import certificate, from_here, perfect_driver
 from control.errors import RefusedError, RobotGoneError
 from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
@@ -52,7 +54,6 @@ from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, FrameRequest, RobotState
 from hw_interface.messages.wire import encode
 from perception.frames import CameraIntrinsics, RgbdFrame
-from tests.support.robot_side.hw_support import certificate, from_here, perfect_driver, robot_process, until
 
 WIDTH, HEIGHT = 1280, 720
 LENGTH = 8.0  # [s] of motion
@@ -100,15 +101,25 @@ def load(processes: int) -> Iterator[None]:
             process.wait()
 
 
+def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
+    """Whether the condition became true in time, in [s]."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
 def deliveries(count: int, machine: str, kind: str, checks: str) -> list[Row]:
     """Motions delivered to, and accepted by, a robot process without physics, which plays them as fast as it goes.
 
     Args:
-        kind: Of `tests.support.robot_side.hw_robot_process`.
+        kind: Of `perfect_process`.
         checks: What its gate holds samples against, for the table.
     """
     accepted, lost = [], 0
-    with robot_process(kind, speed=0.0) as robot, CellClient.connect(robot.endpoint) as client:
+    with perfect_process(kind, speed=0.0) as robot, CellClient.connect(robot.endpoint) as client:
         session, info = open_client_session(robot.endpoint), client.info
         robots = {"profile": info.profile, "firmware": info.firmware, "limits_hash": info.limits_hash}
         with contextlib.closing(session), Operator(session) as operator:

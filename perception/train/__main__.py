@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from perception.errors import PerceptionError
+from replan_base.processes import python_module
 
 FIRST_SHARDS = 4  # training waits for these
 HELD_OUT = 1_000_000  # shards from this seed on are never trained on
@@ -96,7 +97,7 @@ def _publish(args: argparse.Namespace) -> None:
     torch = load_package("torch")
     torch.set_num_threads(args.threads)
     shards = args.folder / "shards"
-    command = [sys.executable, "-m", "sim_check.random_scenes.labelled_pictures", "--out", str(shards)]
+    command = python_module("sim_check.random_scenes.labelled_pictures", "--out", str(shards))
     subprocess.run([*command, "--first", str(HELD_OUT), "--shards", "2"], check=True)
     held_out = Shards([p for p in sorted(shards.glob("shard_*.npz")) if int(p.stem.split("_")[1]) >= HELD_OUT])
     pictures = 200 * (len(list(shards.glob("shard_*.npz"))) - 2)

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from control.errors import MachineError
+from replan_base.processes import python_module
 
 PLANNER = "pyperplan"
 SEARCH = {"search": "astar", "heuristic": "hmax"}
@@ -34,7 +35,7 @@ def solve_files(domain: Path, problem: Path, seconds: float) -> list[tuple[str, 
         NoPlanError: There is none, or the time was up.
         MachineError: The planner is not installed or fell over.
     """
-    command = [sys.executable, "-m", "planning.baselines.solver", str(domain), str(problem)]
+    command = python_module("planning.baselines.solver", str(domain), str(problem))
     # Among equally short plans it takes one by the order of its sets, which follows the hashes of strings.
     settled = {**os.environ, "PYTHONHASHSEED": "0"}
     try:

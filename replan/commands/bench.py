@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from replan.commands.bench_rc import BenchRc
+from replan_base.processes import python_module
 
 if TYPE_CHECKING:
     from replan.console import Console
@@ -46,14 +46,14 @@ class BenchGoals:
         return 0
 
 
-def _call(command: list[str]) -> int:
-    """Run a script from the checkout's root."""
-    return subprocess.call(command, cwd=Path(__file__).resolve().parents[2])
+def _call(module: str, *arguments: str) -> int:
+    """Run a script of `benchmarks` in a process of its own; returns its exit code."""
+    return subprocess.call(python_module(module, *arguments))
 
 
 @dataclass(frozen=True)
 class _BenchScript:
-    """A script of the folder benchmarks/, which prints its own table or JSON."""
+    """A script of `benchmarks`, which prints its own table or JSON."""
 
     MODULE: ClassVar[str]
     EXTRA: ClassVar[tuple[str, ...]] = ()
@@ -65,8 +65,8 @@ class _BenchScript:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", self.MODULE, "--seeds", str(self.seeds), *self.EXTRA]
-        return _call([*command, *["--json"] * self.json])
+        command = [self.MODULE, "--seeds", str(self.seeds), *self.EXTRA]
+        return _call(*command, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,10 @@ class BenchPerception:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.looking.perception", "--frames", str(self.frames)]
+        command = ["benchmarks.looking.perception", "--frames", str(self.frames)]
         command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
         command += ["--detectors", *self.detectors] if self.detectors else []
-        return _call([*command, *["--full-size"] * self.full_size, *["--json"] * self.json])
+        return _call(*command, *["--full-size"] * self.full_size, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -124,18 +124,10 @@ class BenchMotions:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [
-            sys.executable,
-            "-m",
-            "benchmarks.motion.motions",
-            "--runs",
-            str(self.runs),
-            "--planner",
-            self.planner,
-        ]
+        command = ["benchmarks.motion.motions", "--runs", str(self.runs), "--planner", self.planner]
         command += ["--pose-noise-mm", str(self.pose_noise_mm), "--jobs", str(self.jobs)]
         command += ["--motions", *self.motions] if self.motions else []
-        return _call([*command, *["--mismatch"] * self.mismatch, *["--json"] * self.json])
+        return _call(*command, *["--mismatch"] * self.mismatch, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -173,9 +165,9 @@ class BenchDiagnosis:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.judging.diagnosis", "--runs", str(self.runs)]
+        command = ["benchmarks.judging.diagnosis", "--runs", str(self.runs)]
         command += ["--pose-noise-mm", str(self.pose_noise_mm), "--yaw-noise-deg", str(self.yaw_noise_deg)]
-        return _call([*command, *["--json"] * self.json])
+        return _call(*command, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -193,17 +185,9 @@ class BenchVerdicts:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [
-            sys.executable,
-            "-m",
-            "benchmarks.judging.verdicts",
-            "--seeds",
-            str(self.seeds),
-            "--jobs",
-            str(self.jobs),
-        ]
+        command = ["benchmarks.judging.verdicts", "--seeds", str(self.seeds), "--jobs", str(self.jobs)]
         command += ["--motions", *self.motions] if self.motions else []
-        return _call([*command, *["--json"] * self.json])
+        return _call(*command, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -219,8 +203,8 @@ class BenchResearchInterface:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.robot_side.research_interface", "--runs", str(self.runs)]
-        return _call([*command, *["--json"] * self.json])
+        command = ["benchmarks.robot_side.research_interface", "--runs", str(self.runs)]
+        return _call(*command, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -240,16 +224,8 @@ class BenchRealTime:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code, 1 when a motion was not completed."""
-        command = [
-            sys.executable,
-            "-m",
-            "benchmarks.robot_side.real_time",
-            "--runs",
-            str(self.runs),
-            "--jobs",
-            str(self.jobs),
-        ]
-        return _call([*command, "--load", str(self.load), *["--json"] * self.json])
+        command = ["benchmarks.robot_side.real_time", "--runs", str(self.runs), "--jobs", str(self.jobs)]
+        return _call(*command, "--load", str(self.load), *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -267,8 +243,8 @@ class BenchTransport:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code, 1 when a state was lost."""
-        command = [sys.executable, "-m", "benchmarks.robot_side.transport", "--seconds", str(self.seconds)]
-        return _call([*command, "--rate", str(self.rate), *["--json"] * self.json])
+        command = ["benchmarks.robot_side.transport", "--seconds", str(self.seconds)]
+        return _call(*command, "--rate", str(self.rate), *["--json"] * self.json)
 
 
 @dataclass(frozen=True)
@@ -288,10 +264,10 @@ class BenchFaults:
 
     def execute(self, console: Console) -> int:
         """Run the script in a process of its own; returns its exit code."""
-        command = [sys.executable, "-m", "benchmarks.robot_side.faults", "--injections", str(self.injections)]
+        command = ["benchmarks.robot_side.faults", "--injections", str(self.injections)]
         command += ["--seed", str(self.seed), "--jobs", str(self.jobs)]
         command += ["--kinds", *self.kinds] if self.kinds else []
-        return _call([*command, *["--json"] * self.json])
+        return _call(*command, *["--json"] * self.json)
 
 
 @dataclass(frozen=True)

@@ -164,6 +164,8 @@ def _shown(client: "CellClient") -> dict[str, int]:
 
 def commit() -> str | None:
     """The commit that this program was taken from, with "+" after it where files were changed; None where unknown."""
+    if not (ROOT / ".git").exists():
+        return None  # installed; a repository further up is another project's
     try:
         call = ("git", "-C", str(ROOT), "describe", "--always", "--dirty=+", "--abbrev=12", "--exclude=*")
         done = subprocess.run(call, capture_output=True, text=True, timeout=10)

@@ -16,7 +16,7 @@ from planning.reasoners.choice import ReasonerOptions
 FORMAT = 1  # of tasks, scoring and records; results of different ones are never mixed
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("perception", "control", "hw_interface", "sim_check", "planning", "prompts", "replan")
-REPORTING = ("replan/templates", "replan/rc/report", "replan/rc/results", "replan/rc/paper", "replan/rc/text")
+REPORTING = ("replan/reports/", "replan/rc/report", "replan/rc/results", "replan/rc/paper", "replan/rc/text")
 
 
 @dataclass(frozen=True)

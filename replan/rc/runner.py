@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -17,6 +16,7 @@ from replan.rc.folder import RcFolder
 from replan.rc.isolation import Outcome, run_isolated
 from replan.rc.jobs import Job
 from replan.rc.records import EpisodeRecord, Setup
+from replan_base.processes import python_module
 
 Work = Callable[[Job], EpisodeRecord]
 Backend = Callable[[Sequence[Job], Work], Iterator[tuple[Job, EpisodeRecord]]]
@@ -67,7 +67,7 @@ def run_job(job: Job, setup: Setup, folder: Path, stop: threading.Event | None =
 
     runs_dir = folder.absolute() / "runs" / job.name
     shutil.rmtree(runs_dir, ignore_errors=True)  # what an interrupted try left
-    command = [sys.executable, "-m", "replan.rc.episode", "--parent-pid", str(os.getpid())]
+    command = python_module("replan.rc.episode", "--parent-pid", str(os.getpid()))
     given = json.dumps({"job": job.as_json(), "setup": setup.as_json(), "runs_dir": str(runs_dir)})
     # One thread a process: episodes share the machine's cores, and equal seeds should give equal episodes.
     environment = {"OMP_NUM_THREADS": "1", **os.environ}

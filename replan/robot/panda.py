@@ -1,10 +1,10 @@
 """The supervisor of a real Panda as a process."""
 
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from control.errors import ConfigError
+from replan_base.processes import python_module
 
 STILL_LOCKSTEP = 1.5  # [s] of wall time
 
@@ -39,23 +39,9 @@ def serve_panda(options: "PandaOptions", say: Callable[[str], None]) -> int:
     security = link_or_none(options.link)
     gate, cell = cell_gate(options.cell, options.cell_options)
     audit = AuditLog(options.audit_log)
-    hand_command = [
-        sys.executable,
-        "-m",
-        "replan.robot.panda_hand",
-        "--address",
-        _gripper_address(options, gate.gripper),
-    ]
+    hand_command = python_module("replan.robot.panda_hand", "--address", _gripper_address(options, gate.gripper))
     hand_command += ["--gripper", gate.gripper.name, *["--activate"] * options.activate_gripper]
-    player_command = [
-        sys.executable,
-        "-m",
-        "replan.robot.panda_player",
-        "--address",
-        options.address,
-        "--cell",
-        options.cell,
-    ]
+    player_command = python_module("replan.robot.panda_player", "--address", options.address, "--cell", options.cell)
     player_command += ["--realtime", options.realtime, "--patience", str(options.lockstep_patience)]
     for name in options.cell_options:
         player_command += ["--option", name]

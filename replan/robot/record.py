@@ -1,7 +1,6 @@
 """Recording a cell's cameras into an MCAP file that ROS 2's tools and `replan perceive` read."""
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from control.errors import ConfigError
 from replan.errors import DONE
+from replan_base.processes import python_module
 
 if TYPE_CHECKING:
     from hw_interface.cell.client import CellClient
@@ -189,7 +189,7 @@ def _start_cell(options: RecordOptions, say: Callable[[str], None], stack: ExitS
     from hw_interface.cell.process import start_sim_process
 
     say("no robot named: starting a simulated cell (nothing real moves)")
-    command = [sys.executable, "-m", "replan.main", "robot", "sim", "--cell", options.cell, "--endpoint", FREE_PORT]
+    command = python_module("replan.main", "robot", "sim", "--cell", options.cell, "--endpoint", FREE_PORT)
     command += ["--seed", str(options.seed)]
     for name in options.cell_options:
         command += ["--option", name]

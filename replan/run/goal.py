@@ -1,7 +1,6 @@
 """One run: everything between a typed goal and a judged result. Could be called from a notebook as well."""
 
 import signal
-import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +15,7 @@ from planning.baselines import METHODS
 from planning.loop.results import LoopSettings, Part
 from planning.reasoners.choice import ReasonerOptions
 from replan.errors import DONE, NOT_REACHED
+from replan_base.processes import python_module
 
 if TYPE_CHECKING:
     from hw_interface.cell.client import CellClient
@@ -339,7 +339,7 @@ def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack)
     from hw_interface.cell.process import start_sim_process
 
     say("no robot named: starting a simulated cell (nothing real moves)")
-    command = [sys.executable, "-m", "replan.main", "robot", "sim", "--cell", options.cell, "--endpoint", FREE_PORT]
+    command = python_module("replan.main", "robot", "sim", "--cell", options.cell, "--endpoint", FREE_PORT)
     command += ["--seed", str(options.seed), "--speed", str(options.speed)]
     for name in options.cell_options:
         command += ["--option", name]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks.judging.diagnosis import CASES, Errors, Score, check_truth, perceived, run_case
+from benchmarks.scenes.tabletop_twins import arm
 from control.errors import StackError
 from sim_check.cells.loading import load_cell
 from sim_check.world.world import build_world
-from tests.support.scenes.motion_scenes import arm
 
 BY_NAME = {c.name: c for c in CASES}
 

@@ -12,7 +12,7 @@ from benchmarks.robot_side.fault_judgement import judge_movement
 from benchmarks.robot_side.fault_kinds import KINDS, Kind
 from benchmarks.robot_side.faults import Rig, inject, summary
 from benchmarks.robot_side.panda_side import History
-from tests.support.robot_side.hw_support import swing
+from benchmarks.robot_side.perfect_robot import swing
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 # Others have tests of their own that go further: tests/hw_interface/panda/test_driver.py,

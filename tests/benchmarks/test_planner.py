@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from benchmarks.motion.planner import PARTS, TASKS, Row, StackLooks, measure, print_table, simulate_bare, summary
+from benchmarks.scenes.tabletop_twins import arm
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
 from control.simulation.batches import SimulatedBatch, simulate
-from tests.support.scenes.motion_scenes import arm
 
 ROOT = Path(__file__).resolve().parents[2]
 LIFT = "lift a cube"

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from benchmarks.robot_side.libfranka_motions import along, swing
 from benchmarks.robot_side.panda_side import History, gate
 from benchmarks.robot_side.real_time import as_trajectory, lost_commands
 from control.robot.limits import REST_Q
-from tests.support.robot_side.control_boxes import along, swing
 
 IDLE, MOVE = 1, 2
 

@@ -6,6 +6,7 @@ import msgpack
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import blank_frame, certificate, perfect_driver, swing
 from control.robot.limits import REST_Q
 from control.trajectory.samples import GripperCommand
 from hw_interface.errors import MessageError
@@ -13,7 +14,7 @@ from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.motions import MotionResult, TrajectoryRequest
 from hw_interface.messages.robot import RobotState, SpeedRequest, StopRequest
 from hw_interface.messages.wire import MAX_MESSAGE_BYTES, PROTOCOL_VERSION, decode, encode, seal
-from tests.support.robot_side.hw_support import blank_frame, certificate, joined, perfect_driver, swing
+from tests.support.robot_side.hw_support import joined
 
 
 def envelope(kind: str, body: object, protocol: int = PROTOCOL_VERSION) -> bytes:

@@ -20,6 +20,7 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
+from benchmarks.robot_side.perfect_robot import FIRMWARE, PROFILE, blank_frame, certificate, from_here, perfect_driver
 from control.errors import ConfigError
 from control.robot.dynamics import RobotModel
 from control.robot.gripper import PANDA_HAND, ROBOTIQ_2F85
@@ -34,18 +35,10 @@ from hw_interface.ros2.link_tree import LinkTree
 from hw_interface.ros2.view import WORLD, MountedCamera, Ros2View
 from perception.ros2.messages import STRING, TF, definition, type_hash
 from replan.robot.ros2_view import Ros2Options, show_ros2
-from tests.support.robot_side.hw_support import (
-    FIRMWARE,
-    PROFILE,
-    blank_frame,
-    certificate,
-    from_here,
-    perfect_driver,
-    robot_process,
-    until,
-)
+from tests.support.robot_side.hw_support import robot_process
 from tests.support.robot_side.ros2_messages import DEFINITIONS as KNOWN_DEFINITIONS
 from tests.support.robot_side.ros2_messages import decode_ros2
+from tests.support.waiting import until
 
 STAMP = 1_700_000_000.25
 # As rosidl generates them: found in the generated code and recordings of Iron, Jazzy, Kilted and Rolling.
@@ -186,7 +179,7 @@ def test_the_mode_and_diagnostics_come_when_the_mode_changes_and_every_second():
 
 
 def test_a_motion_keeps_its_ends_and_a_point_every_ten_milliseconds():
-    from tests.support.robot_side.hw_support import swing
+    from benchmarks.robot_side.perfect_robot import swing
 
     motion = swing(0.503, 0.2)
     message = a_view().trajectory(motion, STAMP)

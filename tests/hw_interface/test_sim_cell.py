@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, gate, swing
 from control.errors import ConfigError, RobotGoneError
 from control.robot.limits import REST_Q
 from control.trajectory.samples import SAMPLE_TIME, GripperCommand, Trajectory
@@ -16,7 +17,7 @@ from hw_interface.cell.driver import Driver
 from hw_interface.cell.process import SimProcess
 from hw_interface.simulated.sim_backend import SimBackend
 from tests.support.robot_side.hw_sim_world import CubeWorld
-from tests.support.robot_side.hw_support import certificate, gate, joined, robot_process, swing
+from tests.support.robot_side.hw_support import joined, robot_process
 
 GRASP_HEIGHT = 0.02  # of the tool centre point over the table in [m]
 

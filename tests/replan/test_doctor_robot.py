@@ -12,10 +12,11 @@ from contextlib import ExitStack, closing, contextmanager
 
 import pytest
 
+from benchmarks.robot_side.libfranka_motions import robot_at
 from hw_interface.fci_simulator.layout import GRIPPER_PORT, PORT
 from hw_interface.fci_simulator.process import ControlBoxProcess, free_address
 from replan.doctor.control_box import Examined, examine_control_box
-from tests.support.robot_side.control_boxes import control_box, robot_at
+from tests.support.robot_side.control_boxes import control_box
 
 WAIT = 0.5  # [s] at each step; the box is on this machine
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, from_here, swing
 from control.errors import RefusedError, StoppedError
 from control.motion_files.trajectory_file import write_trajectory
 from control.safety.certificate_file import write_certificate
@@ -20,7 +21,7 @@ from control.trajectory.samples import Trajectory
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
 from replan.robot.play import play
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, swing
+from tests.support.robot_side.hw_support import idle_client, robot_process
 from tests.support.waiting import until
 
 

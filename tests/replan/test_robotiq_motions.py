@@ -8,6 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.furniture_twins import cabinet, lever
+from benchmarks.scenes.tabletop_twins import CRATE, arm, cubes, only, red_on_crate, twin_of
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.retiming.retime import retime
@@ -21,9 +24,6 @@ from control.twin_model import TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
 from tests.support.scenes.arc_fingers import use_arc_fingers
-from tests.support.scenes.furniture_scenes import cabinet, lever
-from tests.support.scenes.motion_scenes import CRATE, arm, cubes, only, red_on_crate, twin_of
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS, NAME = SafetyLimits(), panda_limits(ROBOTIQ_2F85), ROBOTIQ_2F85.name
 

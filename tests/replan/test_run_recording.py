@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from benchmarks.robot_side.perfect_robot import certificate, from_here
 from control.errors import ConfigError
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
@@ -17,7 +18,7 @@ from perception.recordings.opening import open_recording
 from replan.run.episode import Episode
 from replan.run.mcap_recording import RunRecording
 from sim_check.cells.loading import load_cell
-from tests.support.robot_side.hw_support import certificate, from_here, robot_process
+from tests.support.robot_side.hw_support import robot_process
 
 
 @pytest.fixture(scope="module")

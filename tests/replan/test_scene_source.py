@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate, scene
 from control.errors import ConfigError
 from control.robot.limits import REST_Q
 from perception.errors import FrameError
@@ -12,7 +13,6 @@ from perception.scene_file import LookRecord, PerceptionResult
 from replan.validate.scene_source import scene_for
 from sim_check.cells.loading import builtin_cells, load_cell
 from sim_check.twin.twin import build_twin
-from tests.support.scenes.sim_scenes import estimate, scene
 
 
 @pytest.fixture

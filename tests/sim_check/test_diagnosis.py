@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.tabletop_twins import CRATE, CUBE, arm, blocked, cubes, only, red_on_crate, twin_of
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.twin.collision_masks import ghosted
-from tests.support.scenes.motion_scenes import CRATE, CUBE, arm, blocked, cubes, only, red_on_crate, twin_of
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

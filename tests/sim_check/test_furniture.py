@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate, exact_scene, noisy_scene, scene, seen_in
 from control.errors import ConfigError, StackError
 from control.robot.limits import REST_Q
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY
@@ -15,7 +16,6 @@ from sim_check.objects.library import object_model
 from sim_check.twin.twin import build_twin, perturbed_twin
 from sim_check.world.world import build_world
 from tests.support.scenes.furniture_forces import pull, put, wait
-from tests.support.scenes.sim_scenes import estimate, exact_scene, noisy_scene, scene, seen_in
 
 CELLS = (
     "cabinet-open",

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.furniture_twins import CABINET, barred, cabinet, furnished, lever, sliding
+from benchmarks.scenes.tabletop_twins import arm, only
 from control.robot.limits import REST_Q
 from control.safety.limits import SafetyLimits
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.diagnosis.joints import blame, push_joint
-from tests.support.scenes.furniture_scenes import CABINET, barred, cabinet, furnished, lever, sliding
-from tests.support.scenes.motion_scenes import arm, only
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tabletop_twins import cubes, hand_at, red_on_crate
 from control.errors import TrajectoryError, UnknownObjectError
 from control.path_planning.rrt_connect import straight
 from control.retiming.retime import retime
@@ -18,7 +19,6 @@ from sim_check.twin.twin import possible_twins
 from sim_check.verdict.start_collision import START_OVERLAP, start_collision
 from sim_check.verdict.verdict import judge_in_detail
 from tests.sim_check.test_verdict import judge, placing, robot
-from tests.support.scenes.motion_scenes import cubes, hand_at, red_on_crate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 CARRIED = frozenset({"red_cube", "crate"})

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tabletop_twins import cubes
 from control.robot.dynamics import Payload, RobotModel
 from control.robot.limits import REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import PADDING, check_trajectory
 from control.trajectory.samples import Trajectory, TrajectorySegment
 from sim_check.twin.payloads import LOAD_TIME, held_payloads, load_share, loaded_torque
-from tests.support.scenes.motion_scenes import cubes
 
 N = 1000
 ROBOT = RobotModel.panda()

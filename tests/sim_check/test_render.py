@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import exact_scene
 from control.errors import ConfigError
 from control.robot.limits import REST_Q
 from perception.frames import RgbdFrame
@@ -12,7 +13,6 @@ from sim_check.models.render import FreeView, available_backend, render_twin
 from sim_check.twin.twin import build_twin
 from sim_check.world.depth_noise import stereo_depth
 from sim_check.world.world import build_world
-from tests.support.scenes.sim_scenes import exact_scene
 
 FX = 600.0
 

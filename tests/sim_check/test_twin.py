@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate, exact_scene, scene
 from control.errors import ConfigError, StackError
 from control.robot.limits import REST_Q
 from control.twin_model import TCP_SITE
@@ -11,7 +12,6 @@ from perception.estimates import ObjectEstimate
 from sim_check.cells.loading import load_cell
 from sim_check.twin.twin import TWIN_STEP, build_twin, perturbed_twin, worlds_to_try
 from sim_check.world.world import build_world
-from tests.support.scenes.sim_scenes import estimate, exact_scene, scene
 
 CELL = load_cell("cubes")
 CUBE, CRATE, BOWL, APPLE = (0.05,) * 3, (0.11, 0.11, 0.06), (0.144, 0.144, 0.053), (0.07,) * 3

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tabletop_twins import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
 from control.path_planning.rrt_connect import straight
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
@@ -15,7 +16,6 @@ from control.safety.limits import SafetyLimits
 from control.trajectory.samples import JointPath, PathSegment, Trajectory
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory, wilson_interval
-from tests.support.scenes.motion_scenes import arm, ball_in_bowl, cubes, hand_at, only, red_on_crate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

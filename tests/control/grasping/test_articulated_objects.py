@@ -5,6 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.furniture_twins import CABINET, cabinet, furnished, lever, sliding
+from benchmarks.scenes.tabletop_twins import arm, only
 from control.grasping.articulation import JointMotion
 from control.grasping.handle_grasps import handle_grasps
 from control.path_planning.collision_filter import CollisionFilter, JointAt, Phase
@@ -20,9 +23,6 @@ from control.twin_model import FINGER_JOINTS, TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.replay import replay
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.scenes.furniture_scenes import CABINET, cabinet, furnished, lever, sliding
-from tests.support.scenes.motion_scenes import arm, only
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

@@ -6,6 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.furniture_twins import CABINET, barred, furnished
+from benchmarks.scenes.tabletop_twins import arm, cubes, only, twin_of
 from control.grasping.retreat import ways_out
 from control.path_planning.planning_context import PlanningContext
 from control.planners.motion_search import plan_motion
@@ -20,9 +23,6 @@ from control.tasks.subtasks import posed_objects, read_subtask
 from control.twin_model import TwinModel
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.scenes.furniture_scenes import CABINET, barred, furnished
-from tests.support.scenes.motion_scenes import arm, cubes, only, twin_of
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 

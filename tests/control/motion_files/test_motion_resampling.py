@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.motion.arm_paths import pick_and_place
 from control.motion_files.paths import to_path
 from control.motion_files.reading import read_motion
 from control.motion_files.resampling import to_trajectory, to_trajectory_with_report
@@ -15,7 +16,6 @@ from control.robot.limits import REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import GripperCommand, Trajectory, TrajectorySegment
-from tests.support.scenes.arm_paths import pick_and_place
 from tests.support.scenes.motion_files import (
     STEP,
     as_motion,

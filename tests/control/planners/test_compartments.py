@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.scenes.furniture_twins import with_cube
+from benchmarks.scenes.tabletop_twins import arm, only
 from control.grasping.placements import on_or_in
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
@@ -16,8 +18,6 @@ from control.tasks.reward_spec import RewardTerm
 from control.tasks.subtasks import posed_objects
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.scenes.furniture_scenes import with_cube
-from tests.support.scenes.motion_scenes import arm, only
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 INTO = only("minimize_l2_distance", "cube", "cabinet")

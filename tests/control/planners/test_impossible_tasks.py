@@ -6,18 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.errors import ContradictionError, RewardSpecError
-from control.planners.motion_search import plan_motion
-from control.planners.result import MotionPlan
-from control.safety.limits import SafetyLimits
-from control.tasks.failure import FailureCause
-from control.tasks.reward_spec import RewardSpec, RewardTerm
-from control.tasks.term_conflicts import refuse_term_conflicts
-from sim_check.cells.loading import load_cell
-from sim_check.furniture.build import furniture_model
-from sim_check.twin.twin import build_twin
-from tests.support.scenes.furniture_scenes import CABINET, cabinet
-from tests.support.scenes.motion_scenes import (
+from benchmarks.scenes.estimates import estimate, scene
+from benchmarks.scenes.furniture_twins import CABINET, cabinet
+from benchmarks.scenes.tabletop_twins import (
     CRATE,
     CUBE,
     arm,
@@ -29,7 +20,16 @@ from tests.support.scenes.motion_scenes import (
     red_on_crate,
     twin_of,
 )
-from tests.support.scenes.sim_scenes import estimate, scene
+from control.errors import ContradictionError, RewardSpecError
+from control.planners.motion_search import plan_motion
+from control.planners.result import MotionPlan
+from control.safety.limits import SafetyLimits
+from control.tasks.failure import FailureCause
+from control.tasks.reward_spec import RewardSpec, RewardTerm
+from control.tasks.term_conflicts import refuse_term_conflicts
+from sim_check.cells.loading import load_cell
+from sim_check.furniture.build import furniture_model
+from sim_check.twin.twin import build_twin
 
 SECONDS = 8.0  # of this process; usually below one
 NEAR, FAR, LIFT, JOINT = "minimize_l2_distance", "maximize_l2_distance", "set_obj_z_position", "set_joint_fraction"

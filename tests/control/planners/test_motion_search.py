@@ -7,6 +7,20 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.estimates import estimate
+from benchmarks.scenes.tabletop_twins import (
+    CRATE,
+    CUBE,
+    arm,
+    ball_in_bowl,
+    blocked,
+    cubes,
+    fruit,
+    hand_at,
+    only,
+    red_on_crate,
+    twin_of,
+)
 from control.grasping.grasps import BETWEEN_WALLS, STEEPEST_HOLD, grasps
 from control.path_planning.collision_filter import CollisionFilter, Phase
 from control.path_planning.planning_context import PlanningContext
@@ -22,20 +36,6 @@ from control.simulation.rollouts import commands_for, roll_out
 from control.tasks.failure import FailureCause
 from control.tasks.subtasks import posed_objects, read_subtask
 from sim_check.twin.twin import perturbed_twin
-from tests.support.scenes.motion_scenes import (
-    CRATE,
-    CUBE,
-    arm,
-    ball_in_bowl,
-    blocked,
-    cubes,
-    fruit,
-    hand_at,
-    only,
-    red_on_crate,
-    twin_of,
-)
-from tests.support.scenes.sim_scenes import estimate
 
 SAFETY = SafetyLimits()
 

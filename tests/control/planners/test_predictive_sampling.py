@@ -7,6 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.furniture_twins import cabinet, sliding
+from benchmarks.scenes.tabletop_twins import arm, cubes, fruit, only, red_on_crate
 from control.errors import ConfigError, RetimingError
 from control.planners.choice import PLANNERS, planner_named
 from control.planners.predictive_sampling import plan_by_sampling
@@ -25,8 +27,6 @@ from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardSpec, RewardTerm
 from control.tasks.subtasks import palm_at, posed_objects, read_subtask
 from control.trajectory.samples import GripperCommand
-from tests.support.scenes.furniture_scenes import cabinet, sliding
-from tests.support.scenes.motion_scenes import arm, cubes, fruit, only, red_on_crate
 
 SAFETY = SafetyLimits()
 SMALL = SamplingSettings(trajectories=16, horizon=0.4, points=4, time_limit=4.0)

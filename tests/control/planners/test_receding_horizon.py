@@ -6,6 +6,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from benchmarks.scenes.furniture_twins import cabinet, lever
+from benchmarks.scenes.tabletop_twins import arm, cubes, only, red_on_crate
 from control.path_planning.planning_context import PlanningContext
 from control.planners.candidate_search import Search
 from control.planners.candidates import candidates
@@ -17,8 +19,6 @@ from control.safety.limits import SafetyLimits
 from control.tasks.reward_spec import RewardSpec
 from control.tasks.subtasks import read_subtask
 from control.twin_model import TwinModel
-from tests.support.scenes.furniture_scenes import cabinet, lever
-from tests.support.scenes.motion_scenes import arm, cubes, only, red_on_crate
 
 SAFETY = SafetyLimits()
 PULL = only("set_joint_fraction", "lever_rod", value=1.0)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.scenes.furniture_twins import cabinet, with_cube
+from benchmarks.scenes.tabletop_twins import PALM_TO_CUBE, arm, blocked, cubes
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.planners.several_terms import stages_of
@@ -14,8 +16,6 @@ from control.tasks.failure import FailureCause
 from control.tasks.reward_spec import RewardSpec, RewardTerm
 from sim_check.twin.payloads import held_payloads
 from sim_check.verdict.verdict import judge_trajectory
-from tests.support.scenes.furniture_scenes import cabinet, with_cube
-from tests.support.scenes.motion_scenes import PALM_TO_CUBE, arm, blocked, cubes
 
 SAFETY, LIMITS = SafetyLimits(), panda_limits()
 LEFT = RewardTerm("set_joint_fraction", "cabinet_left_door", None, 0.9)

@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from benchmarks.motion.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
 from control.errors import ConfigError, RetimingError
 from control.retiming import path_dynamics
 from control.retiming.bounds import MotionBounds
@@ -21,7 +22,6 @@ from control.robot.limits import panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment, Trajectory
-from tests.support.scenes.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid escape sequence:DeprecationWarning")  # toppra's docstrings
 LIMITS = panda_limits()

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import perfect_driver, swing
+from benchmarks.scenes.tabletop_twins import arm, cubes, red_on_crate
 from control.errors import ConfigError, RefusedError
 from control.grasping.grasps import grasps
 from control.planners.motion_search import plan_motion
@@ -29,8 +31,7 @@ from replan.run.goal import RunOptions, _check_ready
 from sim_check.cells.loading import load_cell
 from sim_check.models.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.models.robotiq_mjcf import add_robotiq
-from tests.support.robot_side.hw_support import joined, perfect_driver, swing
-from tests.support.scenes.motion_scenes import arm, cubes, red_on_crate
+from tests.support.robot_side.hw_support import joined
 
 SAFETY = SafetyLimits()
 BOTH = pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)

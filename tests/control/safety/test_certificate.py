@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.motion.arm_paths import REST
 from control.errors import RefusedError, StackError
 from control.robot.limits import VelocityEnds, panda_limits
 from control.safety.certificate import Certificate, CheckResult, Verdict
 from control.safety.certification import START_TOLERANCE, issue_certificate, limits_hash, verify_certificate
 from control.safety.limits import SafetyLimits
 from control.trajectory.samples import GripperCommand, GripperEvent, Trajectory
-from tests.support.scenes.arm_paths import REST
 
 PROFILE = "panda/5"
 FIRMWARE = panda_limits().firmware

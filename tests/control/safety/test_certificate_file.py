@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, swing
 from control.errors import ConfigError
 from control.safety.certificate_file import read_certificate, write_certificate
-from tests.support.robot_side.hw_support import certificate, swing
 
 CERTIFICATE = replace(certificate(swing(0.1, 0.01)), issued=0.1 + 0.2, expires=1700000123.4567891)
 

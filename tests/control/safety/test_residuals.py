@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tabletop_twins import cubes
 from control.robot.gripper import PANDA_HAND
 from control.safety.limits import SafetyLimits
 from control.safety.residuals import Clearances, Contacts, HeldSpan, TwinMotion, safety_residuals
 from control.safety.zones import RobotPoints, RobotTrack
-from tests.support.scenes.motion_scenes import cubes
 
 SAFETY = SafetyLimits()
 N, DT = 500, 0.004

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.motion.arm_paths import REST
 from control.robot.limits import JOINT_NAMES, panda_limits
 from control.safety.certificate import CheckResult
 from control.safety.limits import SafetyLimits
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import SAMPLE_TIME, Trajectory
-from tests.support.scenes.arm_paths import REST
 
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()

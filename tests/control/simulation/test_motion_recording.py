@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.tabletop_twins import cubes
 from control.safety.zones import RobotPoints
 from control.simulation.motion_recording import FORCE_FLOOR, Purpose, contact_names, record_motion
 from control.simulation.rollouts import Commands, roll_out
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY
-from tests.support.scenes.motion_scenes import cubes
 
 STRIDE = 5
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.motion.arm_paths import REST, pick_and_place, random_path
 from control.errors import TrajectoryError
 from control.retiming.retime import retime
 from control.robot.dynamics import RobotModel
@@ -17,7 +18,6 @@ from control.trajectory.playback import PROGRESS, RATE, SLOPE, Playback, at_prog
 from control.trajectory.samples import SAMPLE_TIME, JointPath, PathSegment, Trajectory
 from control.trajectory.speed_override import override_speed
 from tests.support.robot_side.played_paths import distance_from_path
-from tests.support.scenes.arm_paths import REST, pick_and_place, random_path
 
 LIMITS = panda_limits()
 SAFETY = SafetyLimits()

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmarks.robot_side.perfect_robot import certificate, from_here
 from control.errors import ConfigError, MachineError, RefusedError
 from control.robot.dynamics import RobotModel
 from control.robot.gripper import PANDA_HAND
@@ -38,7 +39,7 @@ from replan.robot.camera_process import CameraOptions, serve_device
 from replan.run.goal import _check_cameras
 from tests.hw_interface.test_ros2 import CELL
 from tests.support.robot_side.camera_doubles import LiveSource, SteeredSource, picture
-from tests.support.robot_side.hw_support import certificate, from_here, robot_process, robot_thread
+from tests.support.robot_side.hw_support import robot_process, robot_thread
 from tests.support.robot_side.link_certificates import link
 from tests.support.waiting import until
 

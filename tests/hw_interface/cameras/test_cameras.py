@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from benchmarks.robot_side.perfect_robot import blank_frame
 from control.errors import ConfigError, RefusedError
 from hw_interface.cameras.node import CameraNode
 from hw_interface.cameras.offers import offered_cameras
@@ -16,7 +17,7 @@ from hw_interface.cell.client import CellClient
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import CameraGoneError
 from hw_interface.link.transport import open_client_session
-from tests.support.robot_side.hw_support import blank_frame, robot_process
+from tests.support.robot_side.hw_support import robot_process
 from tests.support.waiting import until
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, perfect_driver, swing
 from control.errors import ConfigError, MachineError, RefusedError
 from hw_interface.cell.audit import Audit
 from hw_interface.cell.audit_log import AuditLog, DamagedLine, read_audit_log
-from tests.support.robot_side.hw_support import certificate, perfect_driver, swing
 
 WRITER = """
 import sys

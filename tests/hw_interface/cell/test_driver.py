@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, gate, perfect_driver, swing
 from control.errors import RefusedError
 from control.robot.limits import REST_Q, panda_limits
 from control.trajectory.samples import SAMPLE_TIME, GripperCommand, Trajectory
 from hw_interface.cell.backend import Measured
 from hw_interface.cell.driver import Driver
-from tests.support.robot_side.hw_support import certificate, gate, joined, perfect_driver, swing
+from tests.support.robot_side.hw_support import joined
 
 PICK = joined(
     np.array(REST_Q) + np.array([[0.0], [0.1], [0.0], [0.1]]) * np.eye(7)[0],

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, gate, perfect_driver, swing
 from control.errors import RefusedError
 from control.robot.limits import REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
@@ -12,7 +13,6 @@ from control.trajectory.samples import SAMPLE_TIME, Trajectory
 from hw_interface.cell.driver import Driver
 from hw_interface.simulated.fake_backend import PerfectRobot
 from tests.hw_interface.cell.test_driver import PICK, play, ticks
-from tests.support.robot_side.hw_support import certificate, gate, perfect_driver, swing
 
 SAFETY = SafetyLimits()
 

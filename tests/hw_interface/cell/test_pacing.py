@@ -5,9 +5,9 @@ from typing import cast
 
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, perfect_driver, swing
 from hw_interface.cell.node import STATE_RATE, RobotNode
 from hw_interface.cell.pacing import FROZEN_AFTER, Leash, run_loop
-from tests.support.robot_side.hw_support import certificate, perfect_driver, swing
 
 LONG = FROZEN_AFTER + 0.2  # [s]
 

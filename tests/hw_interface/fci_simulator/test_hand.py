@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.libfranka_motions import along, desired, play, robot_at, swing
 from hw_interface.fci_simulator.process import ControlBoxProcess
-from tests.support.robot_side.control_boxes import along, control_box, desired, play, robot_at, swing
+from tests.support.robot_side.control_boxes import control_box
 from tests.support.robot_side.hw_sim_world import CUBE, CubeWorld
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka

@@ -9,13 +9,14 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 import pytest
 
+from benchmarks.robot_side.libfranka_motions import robot_at
 from control.errors import MachineError
 from control.robot.description import FLANGE_FRAME
 from control.robot.description_files import panda_urdf
 from hw_interface.fci_simulator.arm import Arm, RigidLoad
 from hw_interface.fci_simulator.model_library import build_library, library_source
 from hw_interface.fci_simulator.process import ControlBoxProcess
-from tests.support.robot_side.control_boxes import control_box, robot_at
+from tests.support.robot_side.control_boxes import control_box
 
 libfranka = pytest.importorskip("panda_py", reason="loads the library with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.

@@ -7,20 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.libfranka_motions import along, control, desired, play, robot_at, swing
 from control.robot.limits import REST_Q
 from hw_interface.fci_simulator.process import ControlBoxProcess
 from hw_interface.panda.scheduling import in_own_scheduling
-from tests.support.robot_side.control_boxes import (
-    abort_of,
-    along,
-    control,
-    control_box,
-    desired,
-    go_home_if_far,
-    play,
-    robot_at,
-    swing,
-)
+from tests.support.robot_side.control_boxes import abort_of, control_box, go_home_if_far
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.

@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 import zenoh
 
+from benchmarks.robot_side.libfranka_motions import along, desired, play, robot_at, swing
+from benchmarks.robot_side.perfect_robot import blank_frame
 from control.errors import ConfigError, RobotGoneError
 from control.robot.limits import REST_Q
 from hw_interface.fci_simulator.cameras import LateCameras
@@ -28,8 +30,6 @@ from hw_interface.link.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, ask, op
 from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.robot import FrameRequest
 from hw_interface.messages.truth import TruthMessage, TruthRequest
-from tests.support.robot_side.control_boxes import along, desired, play, robot_at, swing
-from tests.support.robot_side.hw_support import blank_frame
 from tests.support.robot_side.link_certificates import link
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka

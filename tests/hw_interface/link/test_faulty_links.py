@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.robot_side.faulty_link import Faults, FaultyLink
+from benchmarks.robot_side.perfect_robot import certificate, from_here
 from control.errors import RefusedError, RobotGoneError, StackError
 from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
@@ -20,7 +21,7 @@ from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, CellInfo, InfoRequest, Refusal
 from hw_interface.messages.wire import PROTOCOL_VERSION, decode, encode, seal
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_process, robot_thread
+from tests.support.robot_side.hw_support import idle_client, robot_process, robot_thread
 from tests.support.waiting import until
 
 

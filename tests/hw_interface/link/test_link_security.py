@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.robot_side.perfect_robot import certificate, from_here
 from control.errors import ConfigError, MachineError, RefusedError, RobotGoneError
 from hw_interface.cell.client import CellClient
 from hw_interface.link import transport
@@ -19,7 +20,7 @@ from hw_interface.link.rights import may_ask
 from hw_interface.link.security import ROLES, read_link_file
 from hw_interface.messages.robot import InfoRequest
 from hw_interface.messages.wire import encode
-from tests.support.robot_side.hw_support import certificate, from_here, idle_client, robot_thread
+from tests.support.robot_side.hw_support import idle_client, robot_thread
 from tests.support.robot_side.link_certificates import lasting_from_to, link
 from tests.support.waiting import until
 

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
+from benchmarks.robot_side.perfect_robot import perfect_driver
 from hw_interface.link.streams import StateReader, declare_stream
 from hw_interface.link.transport import STATE_KEY, open_client_session, open_listening_session
 from hw_interface.messages.robot import RobotState
 from hw_interface.messages.wire import encode
-from tests.support.robot_side.hw_support import perfect_driver
 from tests.support.waiting import until
 
 SLOW = 0.02  # [s] that a slow reader takes over a state

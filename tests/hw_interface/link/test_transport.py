@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import FIRMWARE, certificate, from_here
 from control.errors import ConfigError, RefusedError, RobotGoneError, StoppedError
 from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.cell.process import SimProcess, start_sim_process
@@ -19,7 +20,7 @@ from hw_interface.link import transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, Refusal, RobotState, StateRequest
 from hw_interface.messages.wire import decode, encode
-from tests.support.robot_side.hw_support import FIRMWARE, certificate, from_here, idle_client, robot_process
+from tests.support.robot_side.hw_support import idle_client, robot_process
 from tests.support.waiting import until
 
 HEAVY = ("mujoco", "torch", "open3d", "transformers", "scipy", "cv2")

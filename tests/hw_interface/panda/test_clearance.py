@@ -6,6 +6,7 @@ from concurrent.futures import Future
 import numpy as np
 import pytest
 
+from benchmarks.robot_side.perfect_robot import gate, swing
 from control.errors import RefusedError
 from control.robot.limits import REST_Q, panda_limits
 from control.trajectory.playback import PROGRESS, Playback
@@ -17,7 +18,7 @@ from hw_interface.panda.clearance import JOIN_ROWS, MOST_ROWS, Clearance, Cleare
 from hw_interface.panda.cleared_motion import ClearedMotion
 from hw_interface.panda.collision import FREE, HANDLING, thresholds
 from hw_interface.panda.parts import moving_events, parts_of
-from tests.support.robot_side.hw_support import gate, joined, swing
+from tests.support.robot_side.hw_support import joined
 
 LIMITS = panda_limits()
 MOTION = swing(2.0, 0.8)

@@ -8,11 +8,11 @@ import threading
 import time
 from dataclasses import replace
 
+from benchmarks.robot_side.perfect_robot import blank_frame
 from control.errors import RefusedError
 from hw_interface.cameras.node import CameraNode
 from hw_interface.link.transport import open_client_session
 from perception.frames import RgbdFrame
-from tests.support.robot_side.hw_support import blank_frame
 
 
 def take(camera: str) -> RgbdFrame:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.motion.arm_paths import pick_and_place
 from control.errors import MotionFileError
 from control.motion_files.contents import MotionFile
 from control.motion_files.reading import read_motion
@@ -17,7 +18,6 @@ from control.robot.limits import JOINT_NAMES, REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.trajectory.samples import Trajectory
 from tests.support.robot_side.ros2_messages import joint_trajectory
-from tests.support.scenes.arm_paths import pick_and_place
 
 STEP = np.array([0.5, 0.3, -0.4, 0.35, -0.3, 0.4, 0.6])  # [rad]
 

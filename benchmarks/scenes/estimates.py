@@ -1,4 +1,4 @@
-"""Estimates for tests of the twin: the truth of a simulated world, or made up by hand."""
+"""Estimates without perception: from the truth of a simulated world, with errors if wanted, or made up by hand."""
 
 from dataclasses import replace
 

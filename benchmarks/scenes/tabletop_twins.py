@@ -1,9 +1,10 @@
-"""Twins for tests of motions, each built once: what a good look at the builtin cells' things would give."""
+"""Twins of things on a table, each built once: what a good look at the built-in cells' things would give."""
 
 from functools import cache
 
 import numpy as np
 
+from benchmarks.scenes.estimates import estimate, scene
 from control.robot.gripper import PANDA_HAND, GripperModel
 from control.robot.kinematics import ArmKinematics
 from control.robot.limits import REST_Q
@@ -11,7 +12,6 @@ from control.tasks.reward_spec import RewardSpec, RewardTerm
 from control.twin_model import TwinModel
 from sim_check.cells.loading import CellConfig, load_cell
 from sim_check.twin.twin import build_twin
-from tests.support.scenes.sim_scenes import estimate, scene
 
 CUBE, CRATE, BOWL, APPLE = (0.05, 0.05, 0.05), (0.11, 0.11, 0.06), (0.144, 0.144, 0.053), (0.069, 0.069, 0.069)
 PALM_TO_CUBE = RewardTerm("minimize_l2_distance", "palm", "red_cube")

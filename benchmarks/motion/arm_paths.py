@@ -1,4 +1,4 @@
-"""Joint paths for tests of retiming: what a motion search makes, and what it should not make but might."""
+"""Joint paths to retime: what a motion search makes, and what it should not make but might."""
 
 import itertools
 

@@ -1,10 +1,12 @@
-"""Twins with furniture for tests of motions: what a good look at it would give."""
+"""Twins with furniture: what a good look at it would give."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from benchmarks.scenes.estimates import estimate, scene
+from benchmarks.scenes.tabletop_twins import carrying
 from control.robot.limits import REST_Q
 from control.twin_model import TwinModel
 from perception.estimates import ObjectEstimate
@@ -12,8 +14,6 @@ from sim_check.cells.furniture_config import CabinetConfig, FurnitureConfig, Lev
 from sim_check.cells.loading import load_cell
 from sim_check.furniture.build import furniture_model
 from sim_check.twin.twin import build_twin
-from tests.support.scenes.motion_scenes import carrying
-from tests.support.scenes.sim_scenes import estimate, scene
 
 CABINET = CabinetConfig(kind="cabinet")
 SLIDING = CabinetConfig(kind="cabinet", opening="sliding")
