@@ -1,6 +1,7 @@
 """Errors of perception.
 
 PerceptionError
+├── CatalogueError        a catalogue of objects that cannot be used: unknown keys, values that are not valid
 ├── FrameError            a frame that cannot be used: wrong size, no valid depth, bad intrinsics
 ├── MissingPackageError   an optional package that is not installed
 ├── ModelUnavailableError a detector or segmenter whose weights, packages or device are not on this machine
@@ -15,6 +16,10 @@ from replan_base.errors import ReplanError
 
 class PerceptionError(ReplanError):
     """Root of what perception raises; the message says what was wrong, what would be valid, what to do."""
+
+
+class CatalogueError(PerceptionError):
+    """A catalogue of objects that is not valid."""
 
 
 class FrameError(PerceptionError):

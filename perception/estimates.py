@@ -49,7 +49,7 @@ class ObjectEstimate:
         joint_stds: Spreads of these fractions by joint name; about 0.5 where no camera saw the joint's part.
         extents_std: Spread of the extents in [m], shape (3,), or None where nobody says; a side that something hides,
             or that no camera sees, has a large one.
-        colour: Its colour in a word of `perception.catalogue.appearance.COLOURS`, or None where nobody says or it is
+        colour: Its colour in a word of the catalogue, or None where nobody says or it is
             undecided.
     """
 

@@ -7,8 +7,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from perception.catalogue.appearance import appearance_of
+from perception.catalogue.catalogue import Catalogue
 from perception.catalogue.colour_words import colour_of
+from perception.catalogue.phrases import appearance_of
 from perception.detection import bundled
 from perception.detection.detector_router import DetectorRouter
 from perception.detection.model_files import DETECTOR, SEGMENTER, find_model
@@ -60,6 +61,7 @@ class Perception:
             cameras together; the detector is not asked for them.
         forms: Things whose form is known up to its sizes, by noun. They too are looked for in the depth of all cameras
             together; the detector is asked where several things have the form, or none.
+        catalogue: What nouns look like; the built-in one if None.
     """
 
     detector: Detector
@@ -69,6 +71,7 @@ class Perception:
     instances: int = 1
     known: Mapping[str, KnownModel] = field(default_factory=lambda: MappingProxyType({}))
     forms: Mapping[str, KnownForm] = field(default_factory=lambda: MappingProxyType({}))
+    catalogue: Catalogue | None = None
 
     @property
     def name(self) -> str:
@@ -230,7 +233,7 @@ class Perception:
             above = np.zeros_like(cloud.mask)
             for other in upwards[i + 1 :]:
                 above |= clouds[other].mask
-            look = appearance_of(best[name].phrase)
+            look = appearance_of(best[name].phrase, self.catalogue)
             fitted = fit_solid(
                 frame, cloud, kinds_of(look), support, solids, self.settings, above, vessels, look.equal_sides
             )
@@ -342,6 +345,7 @@ def perception_from_options(
     options: PerceptionOptions | None = None,
     known: Mapping[str, KnownModel] | None = None,
     forms: Mapping[str, KnownForm] | None = None,
+    catalogue: Catalogue | None = None,
 ) -> Perception:
     """Perception from two words or model names.
 
@@ -353,6 +357,7 @@ def perception_from_options(
         options: How they run and what is kept; its defaults if None.
         known: Things whose shape is known beforehand, by name.
         forms: Things whose form is known up to its sizes, by noun.
+        catalogue: What nouns and colours look like; the built-in one if None.
 
     Raises:
         ModelUnavailableError: The weights are not on this machine (and cannot be fetched), or of another kind. They
@@ -360,29 +365,30 @@ def perception_from_options(
     """
     options = options or PerceptionOptions()
     return Perception(
-        _detector(detector, options),
+        _detector(detector, options, catalogue),
         _segmenter(segmenter, options),
         options=options,
         known=dict(known or {}),
         forms=dict(forms or {}),
+        catalogue=catalogue,
     )
 
 
-def _detector(name: str, options: PerceptionOptions) -> Detector:
+def _detector(name: str, options: PerceptionOptions, catalogue: Catalogue | None) -> Detector:
     if name == "default":
-        colour = _detector("colour", options)
+        colour = _detector("colour", options, catalogue)
         try:
             learned = _bundled_detector(options)
         except ModelUnavailableError:  # a package without weights; the name says that colour is all there is
             return colour
-        return DetectorRouter(colour, learned, learned.known_words)
+        return DetectorRouter(colour, learned, learned.known_words, catalogue)
     if name == "colour":
         from perception.detection.colour_shape import ColourShapeDetector, ColourShapeSettings
 
         settings = ColourShapeSettings()
         if options.threshold is not None:
             settings = replace(settings, threshold=options.threshold)
-        return ColourShapeDetector(settings)
+        return ColourShapeDetector(settings, catalogue)
     if name == "bundled":
         return _bundled_detector(options)
     from perception.detection.hf_models import THRESHOLD, TransformersDetector

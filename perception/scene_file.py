@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from perception.catalogue.appearance import COLOURS
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate, SceneEstimate, Shape, Unseen
 from perception.tracking.tracker import Track
@@ -113,8 +113,9 @@ class ObjectRecord(_Strict):
     @field_validator("colour")
     @classmethod
     def _is_a_colour_word(cls, value: str | None) -> str | None:
-        if value is not None and value not in COLOURS:
-            raise ValueError(f"'{value}' is no colour word; it must be null or one of {', '.join(COLOURS)}")
+        colours = builtin_catalogue().colours
+        if value is not None and value not in colours:
+            raise ValueError(f"'{value}' is no colour word; it must be null or one of {', '.join(colours)}")
         return value
 
 

@@ -29,7 +29,7 @@ ROOMS = {
         "known_shapes": {"catalogue", "geometry"},
         "detection": {"catalogue", "geometry"},
         "evaluation": {"detection"},
-        "train": {"detection", "evaluation"},
+        "train": {"catalogue", "detection", "evaluation"},
     },
     "control": {
         "robot": set(),

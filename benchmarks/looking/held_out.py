@@ -11,7 +11,7 @@ from perception.known_shapes.models import KnownModel
 from sim_check.cells.simulation_config import DepthNoiseConfig
 from sim_check.furniture.known_models import known_model
 from sim_check.furniture.model import FurnitureModel
-from sim_check.random_scenes.scenes import LabelledPicture, RandomScenes, SceneOptions, name_in, truth_of
+from sim_check.random_scenes.scenes import RandomScenes, SceneOptions, name_in, truth_of
 from sim_check.world.depth_noise import stereo_depth
 
 FIRST_SEED = 10_000_000  # training takes seeds below 1 000 000
@@ -62,19 +62,25 @@ def held_out_frames(
     try:
         for k in range(count):
             distance = DISTANCES[k % len(DISTANCES)]
-            yield _frame(scenes.picture(distance), f"{distance} m", float(k), options.depth_noise, rng)
+            yield _frame(scenes, distance, f"{distance} m", float(k), options.depth_noise, rng)
     finally:
         scenes.close()
 
 
 def _frame(
-    picture: LabelledPicture, group: str, stamp: float, noise: DepthNoiseConfig | None, rng: np.random.Generator
+    scenes: RandomScenes,
+    distance: float,
+    group: str,
+    stamp: float,
+    noise: DepthNoiseConfig | None,
+    rng: np.random.Generator,
 ) -> HeldOutFrame:
+    picture = scenes.picture(distance)
     depth = picture.depth
     if noise is not None:
         depth = stereo_depth(depth, picture.intrinsics.fx, noise, rng)
     frame = RgbdFrame(picture.colour, depth, picture.intrinsics, picture.world_T_camera, stamp, "random")
-    truth = truth_of(picture)
+    truth = truth_of(picture, scenes.catalogue)
     # Names are asked for in an order that says nothing about what is there.
     absent = rng.choice(truth.absent, min(ABSENT, len(truth.absent)), replace=False)
     names = rng.permutation([*(o.name for o in truth.objects), *absent])

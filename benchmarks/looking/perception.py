@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.looking.held_out import CHUNK, HeldOutFrame, held_out_frames
-from perception.catalogue.appearance import parse_phrase
+from perception.catalogue.phrases import parse_phrase
 from perception.detection.bundled import BundledDetector
 from perception.detection.colour_shape import ColourShapeDetector
 from perception.detection.detector_router import DetectorRouter

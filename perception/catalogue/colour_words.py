@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from perception.catalogue.appearance import COLOURS
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.estimates import Evidence
 from perception.frames import RgbdFrame
 
@@ -44,7 +44,7 @@ def colour_word(pixels: np.ndarray) -> str | None:
     brightness = pixels.max(1)
     lit = pixels[brightness >= np.median(brightness)]
     middle = np.median(lit, axis=0).astype(np.uint8)
-    fitting = [c for c in COLOURS.values() if c.matches(_hsv(middle[None]))[0]]
+    fitting = [c for c in builtin_catalogue().colours.values() if c.matches(_hsv(middle[None]))[0]]
     if len(fitting) > 1:
         hsv = _hsv(lit)
         shares = [float(c.matches(hsv).mean()) for c in fitting]

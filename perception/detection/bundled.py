@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from perception.catalogue.appearance import COLOUR_ALIASES
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.detection.devices import Precision
 from perception.errors import ModelUnavailableError, UnknownPhraseError
 from perception.frames import RgbdFrame
@@ -151,14 +151,14 @@ class BundledDetector:
         Raises:
             UnknownPhraseError: It holds other words, or no noun.
         """
-        card = self.card
+        card, aliases = self.card, builtin_catalogue().colour_aliases
         rest = [
             "".join(c for c in w if c.isalnum()) for w in phrase.lower().replace("_", " ").replace("-", " ").split()
         ]
         rest = [w for w in rest if w and w not in card.fillers]
         colours: list[str] = []
         while rest and " ".join(rest) not in card.nouns:
-            word = rest[0] if rest[0] in card.colours else COLOUR_ALIASES.get(rest[0], rest[0])
+            word = rest[0] if rest[0] in card.colours else aliases.get(rest[0], rest[0])
             if word not in card.colours:
                 break
             colours.append(word)

@@ -1,6 +1,6 @@
 """Detection by colour and shape with OpenCV: no learned model, no weights, a few milliseconds a phrase.
 
-It knows the nouns and colours of `perception.catalogue.appearance` and nothing else; it tells things apart by hue, by
+It knows the nouns and colours of the catalogue and nothing else; it tells things apart by hue, by
 round or angular outline and by size. Two things of the same look are told apart by nobody but their place.
 """
 
@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.catalogue.appearance import ANY_THING, CHROMATIC, Appearance, Colour, Query, parse_phrase
+from perception.catalogue.appearance import Appearance, Colour
+from perception.catalogue.catalogue import Catalogue
+from perception.catalogue.phrases import Query, parse_phrase
 from perception.detection.cut_pieces import CutBlob, join_cut
 from perception.frames import RgbdFrame
 from perception.geometry.cloud import StereoNoise, height_map
@@ -49,10 +51,11 @@ class ColourShapeDetector:
 
     Attributes:
         settings: Thresholds.
+        catalogue: Of nouns and colours; the built-in one if None.
     """
 
-    def __init__(self, settings: ColourShapeSettings | None = None) -> None:
-        self.settings = settings or ColourShapeSettings()
+    def __init__(self, settings: ColourShapeSettings | None = None, catalogue: Catalogue | None = None) -> None:
+        self.settings, self.catalogue = settings or ColourShapeSettings(), catalogue
 
     @property
     def name(self) -> str:
@@ -65,7 +68,7 @@ class ColourShapeDetector:
         Raises:
             UnknownPhraseError: A phrase without a known noun and without a colour word.
         """
-        queries = [parse_phrase(phrase) for phrase in phrases]
+        queries = [parse_phrase(phrase, self.catalogue) for phrase in phrases]
         picture = _Picture.of(frame, self.settings)
         colours = {colour.word: colour for query in queries for colour in query.colours}
         pieces = {word: self._pieces(picture, colour) for word, colour in colours.items()}
@@ -74,7 +77,7 @@ class ColourShapeDetector:
 
     def other_shape(self, phrase: str) -> str | None:
         """ "green ball" for a green cube or block, "green block" for a green apple; None without a colour or shape."""
-        query = parse_phrase(phrase)
+        query = parse_phrase(phrase, self.catalogue)
         if len(query.colours) != 1:
             return None
         noun = {("angular", "box"): "ball", ("round", "sphere"): "block"}.get((query.look.outline, query.look.solid))
@@ -84,7 +87,7 @@ class ColourShapeDetector:
         """Blobs of a colour, each with the things that stand on each other in it, if it is not one thing."""
         pixels = colour.matches(picture.hsv)
         # A grey foot cannot be told from a grey table, a red one can.
-        reach = pixels if colour.word in CHROMATIC else pixels & picture.things
+        reach = pixels if colour.chromatic else pixels & picture.things
         blobs = join_cut(self._blobs(pixels & picture.things, reach, picture.steps), picture.depth)
         return [(b, split_stack(b.pixels, picture.ground) if b.behind is None else []) for b in blobs]
 
@@ -94,7 +97,7 @@ class ColourShapeDetector:
         scored, found = [], []
         for blob, parts in pieces:
             score = self._score(picture, blob, query.look, colour)
-            if not parts or query.look is ANY_THING:  # a word that says nothing of sizes means all that hangs together
+            if not parts or query.look.noun is None:  # a word that says nothing of sizes means all that hangs together
                 scored.append((score, blob))
                 continue
             score *= filled_share(parts)
@@ -178,7 +181,7 @@ class ColourShapeDetector:
 
     def _may_stand(self, picture: "_Picture", blob: np.ndarray, colour: Colour) -> bool:
         """Whether a blob is no link of an arm and no noise of the table."""
-        if colour.word in CHROMATIC:
+        if colour.chromatic:
             return True
         known = blob & np.isfinite(picture.depth)
         # Links of a white, grey or black arm hang in the air; specks of a white table are noise of its height.

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from perception.catalogue.appearance import ANY_THING, parse_phrase
+from perception.catalogue.catalogue import Catalogue
+from perception.catalogue.phrases import parse_phrase
 from perception.errors import UnknownPhraseError
 from perception.frames import RgbdFrame
 from perception.interfaces import Detection, Detector, ShapeDetector
@@ -14,18 +15,25 @@ class DetectorRouter:
     The learned weights are loaded with the first phrase that needs them.
 
     Attributes:
-        by_colour: For phrases with a noun of `perception.catalogue.appearance`, or with a colour.
+        by_colour: For phrases with a noun that has a look in the catalogue, or with a colour.
         learned: For phrases with another noun.
     """
 
-    def __init__(self, by_colour: Detector, learned: Detector, knows: Callable[[str], object]) -> None:
+    def __init__(
+        self,
+        by_colour: Detector,
+        learned: Detector,
+        knows: Callable[[str], object],
+        catalogue: Catalogue | None = None,
+    ) -> None:
         """Put two detectors together.
 
         Args:
             by_colour, learned: The two.
             knows: Raises UnknownPhraseError for a phrase that `learned` has no way to look for.
+            catalogue: Says which nouns have a look; the built-in one if None.
         """
-        self.by_colour, self.learned, self._knows = by_colour, learned, knows
+        self.by_colour, self.learned, self._knows, self._catalogue = by_colour, learned, knows, catalogue
 
     @property
     def name(self) -> str:
@@ -59,14 +67,14 @@ class DetectorRouter:
             UnknownPhraseError: Neither of the two has a way to look for it.
         """
         try:
-            query = parse_phrase(phrase)
+            query = parse_phrase(phrase, self._catalogue)
         except UnknownPhraseError as by_colour:
             try:
                 self._knows(phrase)
             except UnknownPhraseError as by_learned:
                 raise UnknownPhraseError(f"nobody here can look for '{phrase}': {by_colour}; {by_learned}") from None
             return True
-        if query.look is not ANY_THING:
+        if query.look.noun is not None:
             return False
         try:
             self._knows(phrase)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from perception.catalogue.appearance import ANY_THING, Appearance, Kind
+from perception.catalogue.appearance import Appearance, Kind
 from perception.geometry.refinement import Refined
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
 
@@ -27,7 +27,7 @@ LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's en
 
 def kinds_of(look: Appearance) -> tuple[Kind, ...]:
     """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
-    if look is ANY_THING:
+    if look.noun is None:
         return ANY_KIND
     if look.kinds:
         return look.kinds

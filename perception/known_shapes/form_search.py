@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from perception.catalogue.appearance import COLOUR_ALIASES, COLOURS
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.catalogue.colour_words import colour_of
 from perception.estimates import ObjectEstimate
 from perception.frames import RgbdFrame
@@ -58,5 +58,5 @@ def find_forms(
 
 def _may_be(colour: str | None, name: str) -> bool:
     """Whether a thing of this colour, None if undecided, may be what a name with or without a colour says."""
-    words = {COLOUR_ALIASES.get(word, word) for word in name.split("_")[:-1]} & set(COLOURS)
-    return colour is None or not words or colour in words
+    said = {builtin_catalogue().seen_colour(word) for word in name.split("_")[:-1]} - {None}
+    return colour is None or not said or colour in said

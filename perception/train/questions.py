@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.train.shards import Thing, Words
-from perception.train.vocabulary import SYNONYMS
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,6 @@ def _may_fit(thing: Thing, noun: str, colour: str | None, words: Words) -> bool:
 def _say(noun: str, colour: str | None, rng: np.random.Generator) -> str:
     spoken = []
     for word in (colour, noun) if colour else (noun,):
-        others = SYNONYMS.get(word, ())
+        others = builtin_catalogue().prompt_words.get(word, ())
         spoken.append(str(rng.choice(others)) if others and rng.random() < 0.3 else word)
     return " ".join(spoken)

@@ -4,18 +4,17 @@ import string
 from collections.abc import Sequence
 from typing import Any
 
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.detection.devices import load_package
 
 # transformers' GroundingDINO finds where phrases end by these fixed ids of BERT's vocabulary.
 FIXED = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
-# Words for what another word of the pictures' vocabulary says as well.
-SYNONYMS = {"grey": ("gray", "stone"), "wooden": ("wood",), "sensor": ("weight sensor",)}
 
 
 def known_words(nouns: Sequence[str], colours: Sequence[str]) -> tuple[str, ...]:
-    """All words that phrases may be made of, sorted."""
+    """All words that phrases may be made of, sorted: the given ones, and the catalogue's prompt words for them."""
     words = {*nouns, *colours}
-    for said, others in SYNONYMS.items():
+    for said, others in builtin_catalogue().prompt_words.items():
         if said in words:
             words |= {w for phrase in others for w in phrase.split()}
     return tuple(sorted(words))

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from control.errors import GoalError
-from perception.catalogue.appearance import LOOKS
+from perception.catalogue.catalogue import builtin_catalogue
 from planning.language.goal_language import Clause
 from planning.language.memory import MOTION_FAILED, FailedAttempt
 from planning.language.names import (
     ANYTHING,
-    COLOURS,
     LIKE,
     SUPPORTS,
     AmbiguousName,
@@ -148,7 +147,7 @@ class Situation:
         if candidates(like, self.objects):
             model = resolve(like, self.objects)
             return model, self._colour(model)
-        usual = LOOKS.get(words_of(like)[-1])
+        usual = builtin_catalogue().appearances.get(words_of(like)[-1])
         if usual is None or len(usual.colours) != 1:
             raise MissingName(like, self.objects)
         return as_name(like), usual.colours[0]
@@ -156,7 +155,7 @@ class Situation:
     def _described(self, phrase: str) -> str:
         """The one loose thing that words like "the round red thing" describe."""
         said = words_of(phrase)[:-1]
-        colours = [w for w in said if w in COLOURS]
+        colours = [w for w in said if w in builtin_catalogue().spoken_colours]
         shapes = [SHAPES[w] for w in said if w in SHAPES]
         if not said or len(said) > len(colours) + len(shapes):
             raise MissingName(phrase, self.objects)

@@ -1,4 +1,4 @@
-"""A small language of goals and plan steps: what the rule-based reasoner understands. Needs the standard library only.
+"""A small language of goals and plan steps: what the rule-based reasoner understands.
 
     GOAL    = PART { ("then" | "and then" | ";" | "and" or "," before a verb) PART }
     PART    = CLAUSE | HINT

@@ -1,4 +1,4 @@
-"""Which object of a scene words mean. Needs the standard library only.
+"""Which object of a scene words mean. Synonyms and colour words are those of the catalogue of objects.
 
 A name is lower case with underscores ("red_cube"); its last word is the noun, the words before it describe. A phrase
 ("the red cube", "cube") means a name when the nouns agree and its other words describe the name. What a name does not
@@ -9,35 +9,16 @@ import difflib
 import re
 from collections.abc import Iterable, Sequence
 
+from perception.catalogue.catalogue import Catalogue, builtin_catalogue
+
 
 def word_set(text: str) -> frozenset[str]:
     """The words of a text."""
     return frozenset(text.split())
 
 
-COLOURS = word_set(
-    "red green blue yellow orange purple pink brown black white grey gray cyan magenta turquoise violet silver "
-    "gold golden beige"
-)
 ARTICLES = word_set("the a an this that these those my your its some any")
 LIKE = " coloured like "  # between words for a thing and words for another one that has its colour
-# Nouns that people use for one another; a name's noun and a phrase's noun mean the same when they share a set.
-SYNONYMS = (
-    word_set("cube block brick"),
-    word_set("cabinet cupboard closet"),
-    word_set("crate box"),
-    word_set("can tin"),
-    word_set("violet purple"),
-    word_set("grey gray"),
-    word_set("bar rod stick"),
-    word_set("lever handle switch"),
-    word_set("sensor plate scale"),
-    word_set("kettle teapot"),
-    word_set("microwave oven"),
-    word_set("bowl dish"),
-)
-
-
 # Nouns that say nothing of what a thing is; its other words have to do.
 ANYTHING = word_set("thing object item one something")
 SUPPORTS = word_set("table desk counter floor ground worktop")  # what everything stands on
@@ -82,49 +63,55 @@ def as_name(phrase: str) -> str:
 
 def colour_of(name: str) -> str | None:
     """The colour that a name says, or None."""
-    return next((w for w in words_of(name) if w in COLOURS), None)
+    colours = builtin_catalogue().spoken_colours
+    return next((w for w in words_of(name) if w in colours), None)
 
 
-def candidates(phrase: str, names: Iterable[str]) -> list[str]:
-    """Names that a phrase may mean, in their order; an exact one alone."""
-    wanted, names = words_of(phrase), list(names)
+def candidates(phrase: str, names: Iterable[str], catalogue: Catalogue | None = None) -> list[str]:
+    """Names that a phrase may mean, in their order; an exact one alone.
+
+    Args:
+        phrase: As it was said.
+        names: Of a scene.
+        catalogue: Of synonyms and colour words; the built-in one if None.
+    """
+    wanted, names, known = words_of(phrase), list(names), catalogue or builtin_catalogue()
     exact = [n for n in names if words_of(n) == wanted]
-    return exact if exact or not wanted else [n for n in names if _may_mean(wanted, words_of(n))]
+    return exact if exact or not wanted else [n for n in names if _may_mean(wanted, words_of(n), known)]
 
 
-def _may_mean(wanted: list[str], name: list[str]) -> bool:
+def _may_mean(wanted: list[str], name: list[str], known: Catalogue) -> bool:
     wanted_digits, digits = [w for w in wanted if w.isdigit()], [w for w in name if w.isdigit()]
     if wanted_digits and wanted_digits != digits:
         return False
     plain_wanted = [w for w in wanted if not w.isdigit()]
     plain = [w for w in name if not w.isdigit()]
-    if not plain_wanted or not plain or not _same_noun(plain_wanted[-1], plain[-1]):
+    if not plain_wanted or not plain or not known.mean_the_same(plain_wanted[-1], plain[-1]):
         return False
-    said = {next((k for k in plain[:-1] if _same_noun(w, k)), w) for w in plain_wanted[:-1]}
-    known = set(plain[:-1])
-    unsaid = said - known
+    said = {next((k for k in plain[:-1] if known.mean_the_same(w, k)), w) for w in plain_wanted[:-1]}
+    described = set(plain[:-1])
+    unsaid = said - described
     # "big red cube" may be red_cube, but "stone cabinet" is not wooden_cabinet.
-    return not unsaid or (known <= said and not unsaid & COLOURS)
-
-
-def _same_noun(a: str, b: str) -> bool:
-    return a == b or any(a in nouns and b in nouns for nouns in SYNONYMS)
+    return not unsaid or (described <= said and not unsaid & known.spoken_colours)
 
 
 def all_said_of(phrase: str, name: str) -> bool:
     """Whether every word of a phrase, or one that people use for it, is a word of a name."""
-    known = words_of(name)
-    return all(any(_same_noun(word, other) for other in known) for word in words_of(phrase))
+    same = builtin_catalogue().mean_the_same
+    return all(any(same(word, other) for other in words_of(name)) for word in words_of(phrase))
 
 
-def resolve(phrase: str, names: Sequence[str]) -> str:
+def resolve(phrase: str, names: Sequence[str], catalogue: Catalogue | None = None) -> str:
     """The one name that a phrase means.
+
+    Args:
+        phrase, names, catalogue: As in `candidates`.
 
     Raises:
         MissingName: None does.
         AmbiguousName: Several do.
     """
-    found = candidates(phrase, names)
+    found = candidates(phrase, names, catalogue)
     if not found:
         raise MissingName(" ".join(words_of(phrase)) or phrase, names)
     if len(found) > 1:

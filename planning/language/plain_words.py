@@ -1,14 +1,15 @@
-"""Goals in everyday words, rewritten into plainer ones before they are parsed. Needs the standard library only.
+"""Goals in everyday words, rewritten into plainer ones before they are parsed.
 
 Each rule stands for a turn of phrase and keeps the meaning; what no rule touches is left to the grammar.
 """
 
 import re
+from functools import cache
 
+from perception.catalogue.catalogue import builtin_catalogue
 from planning.language.names import ARTICLES, LIKE
 
 _FILLERS = r"^(?:(?:please|can you|could you|would you|will you|kindly|now|first|next|finally|just|you should)[ ,]+)+"
-_DOOR_OF = re.compile(r"\b((?:left |right )?door) (?:of|on) (?:the )?(\w+(?: cabinet| cupboard)?)")
 _LIKE = re.compile(
     r" (?:(?:that|which) (?:has|is|shares|have) )?(?:(?:with|of|in|having) )?(?:(?:the|a) )?same colou?r"
     r" (?:as|of|like)(?: that of)? "
@@ -57,7 +58,7 @@ def plainer(part: str, subject: str | None, target: str | None, stop: frozenset[
     """
     text = " ".join(re.sub(r"[^a-z0-9_ ]", " ", part).split())
     text = re.sub(r"\b(left|right) hand (?=door|side)", r"\1 ", text)
-    text = _DOOR_OF.sub(r"\2 \1", text)
+    text = _door_of().sub(r"\2 \1", text)
     text = re.sub(r"\bfrom (?:inside|within)(?: of)?\b", "from", text)
     text = re.sub(r"\bover (?=to\b|onto\b|on\b|in\b|into\b)", "", text)
     # Where a thing is taken from is seen; where it goes is what is wanted.
@@ -80,6 +81,14 @@ def plainer(part: str, subject: str | None, target: str | None, stop: frozenset[
         text = re.sub(r"\b(\w+) one\b", rf"\1 {noun}", text)
     text = _own_noun(text)
     return _with_colours(text, stop)
+
+
+@cache
+def _door_of() -> re.Pattern[str]:
+    """ "door of the wooden cabinet": a door and what has it, in words of the catalogue."""
+    with_inside = (noun for noun, f in builtin_catalogue().furniture.items() if f.carries == "inside")
+    words = [word for noun in with_inside for word in (noun, *builtin_catalogue().furniture[noun].synonyms)]
+    return re.compile(rf"\b((?:left |right )?door) (?:of|on) (?:the )?(\w+(?: (?:{'|'.join(words)}))?)")
 
 
 def _own_noun(text: str) -> str:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from perception.catalogue.appearance import appearance_of
+from perception.catalogue.phrases import appearance_of
 from perception.estimates import Evidence, ObjectEstimate, SceneEstimate, Shape, Unseen
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth, TrueObject

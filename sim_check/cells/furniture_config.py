@@ -5,13 +5,20 @@ All lengths are in [m]; widths are seen from the front, where `left` is the left
 
 from typing import Annotated, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from perception.catalogue.catalogue import builtin_catalogue
 from sim_check.strict_config import NotNegative, Positive, Strict
 
-Colour = Literal[
-    "red", "orange", "brown", "yellow", "green", "cyan", "blue", "purple", "pink", "white", "grey", "black", "wood"
-]
+
+def _painted(word: str) -> str:
+    paints = builtin_catalogue().paints
+    if word not in paints:
+        raise ValueError(f"there is no colour '{word}'; colours are {', '.join(paints)}")
+    return word
+
+
+Colour = Annotated[str, AfterValidator(_painted)]  # a colour or material of the catalogue
 BOARD = 0.02  # thickness of shell boards
 NARROWEST_GAP = 0.015  # behind a handle, for fingertips
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.twin_model import Handle, TwinCompartment
+from perception.catalogue.catalogue import builtin_catalogue
 from sim_check.cells.furniture_config import BOARD, CabinetConfig, MicrowaveConfig
 from sim_check.furniture.model import Board, FurnitureModel, MovingPart, box, rod
-from sim_check.objects.library import SolidShape, rgb_of
+from sim_check.objects.solids import SolidShape
 
 DOOR_THICKNESS = 0.018
 DOOR_GAP = 0.003  # between the shell's front and a door's back, and around its edges
@@ -66,7 +67,7 @@ def build_cabinet(name: str, config: CabinetConfig | MicrowaveConfig) -> Furnitu
         outward=np.array([-1.0, 0.0, 0.0]),
         joints=tuple(p.name for p in parts),
     )
-    rgb = rgb_of(config.colour)
+    rgb = builtin_catalogue().paints[config.colour]
     return FurnitureModel(name, config.kind, extents, boards, parts, (inside,), rgb, config.colour == "wood")
 
 

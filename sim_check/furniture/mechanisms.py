@@ -3,9 +3,9 @@
 import numpy as np
 
 from control.twin_model import Handle
+from perception.catalogue.catalogue import builtin_catalogue
 from sim_check.cells.furniture_config import LeverConfig, WeightPlateConfig
 from sim_check.furniture.model import FurnitureModel, MovingPart, box, rod
-from sim_check.objects.library import rgb_of
 
 GRAVITY = 9.81  # [m/s^2]
 # A plate is pressed down by this share of its travel by its rated weight, and lifts off its upper end at that share of
@@ -55,7 +55,7 @@ def build_lever(name: str, config: LeverConfig) -> FurnitureModel:
         damping=config.damping,
         handle=handle,
     )
-    rgb = rgb_of(config.colour)
+    rgb = builtin_catalogue().paints[config.colour]
     return FurnitureModel(name, config.kind, extents, (post, foot), (part,), (), rgb, False)
 
 
@@ -84,5 +84,5 @@ def build_weight_plate(name: str, config: WeightPlateConfig) -> FurnitureModel:
         stiffness=(1 - LIGHT_SHARE) * weight / (RELEASE_SHARE * config.travel),
         preload=LIGHT_SHARE * weight,
     )
-    rgb = rgb_of(config.colour)
+    rgb = builtin_catalogue().paints[config.colour]
     return FurnitureModel(name, config.kind, extents, (tray,), (part,), (), rgb, False)

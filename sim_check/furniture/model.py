@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from control.twin_model import Handle, TwinCompartment, TwinJoint
-from sim_check.objects.library import SolidShape
+from sim_check.objects.solids import SolidShape
 
 Look = Literal["shell", "front", "metal", "glass", "dark", "accent", "hidden"]
 

@@ -3,11 +3,15 @@
 A picture never reaches beyond its object's box, so that depth shows the true sizes.
 """
 
+from collections.abc import Callable, Mapping
+
 import mujoco
 import numpy as np
 
+from perception.catalogue.entries import VisualName
 from sim_check.models.panda_mjcf import PICTURE_GROUP
-from sim_check.objects.library import ObjectModel, bowl_profile
+from sim_check.objects.bowl import bowl_profile
+from sim_check.objects.library import ObjectModel
 
 _TURNS = 48  # facets of a surface of revolution
 _STEM = (0.30, 0.20, 0.10)
@@ -18,13 +22,10 @@ def object_pictures(spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectMode
     material = f"{thing.name}_look"
     gloss = 0.5 if thing.rolls or thing.container else 0.15
     spec.add_material(name=material, rgba=[*thing.rgb, 1.0], specular=gloss, shininess=0.4)
-    if thing.noun == "crate":
-        _crate(body, thing)
+    if thing.visual is not None:
+        VISUALS[thing.visual](spec, body, thing, material)
     elif thing.container:
         _turned(spec, body, thing, _bowl_outline(thing), material)
-    elif thing.noun == "apple":
-        _turned(spec, body, thing, _apple_outline(thing.extents), material)
-        _stem(body, thing)
     else:
         for solid in thing.solids:
             _show(
@@ -41,7 +42,7 @@ def _show(body: mujoco.MjsBody, **geom) -> None:
     body.add_geom(group=PICTURE_GROUP, contype=0, conaffinity=0, mass=0.0, **geom)
 
 
-def _crate(body: mujoco.MjsBody, thing: ObjectModel) -> None:
+def _boards(_spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectModel, _material: str) -> None:
     """Boards on all sides with dark gaps between them."""
     half = thing.extents / 2
     gap = 0.0025  # depth of the gaps between boards in [m]
@@ -126,6 +127,11 @@ def _bowl_outline(thing: ObjectModel) -> np.ndarray:
     return outline
 
 
+def _apple(spec: mujoco.MjSpec, body: mujoco.MjsBody, thing: ObjectModel, material: str) -> None:
+    _turned(spec, body, thing, _apple_outline(thing.extents), material)
+    _stem(body, thing)
+
+
 def _apple_outline(extents: np.ndarray) -> np.ndarray:
     """A circle with a dimple at the top and a smaller one at the bottom."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 33)
@@ -146,3 +152,10 @@ def _stem(body: mujoco.MjsBody, thing: ObjectModel) -> None:
         size=[0.0015, 0.0, 0.0],
         rgba=[*_STEM, 1.0],
     )
+
+
+# What draws the things that do not look like their solids, by the catalogue's name.
+VISUALS: Mapping[VisualName, Callable[[mujoco.MjSpec, mujoco.MjsBody, ObjectModel, str], None]] = {
+    "boards": _boards,
+    "apple": _apple,
+}

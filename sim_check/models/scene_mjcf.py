@@ -12,7 +12,8 @@ from control.twin_model import ARM_BODIES, HAND_BODY, TABLE_BODY
 from sim_check.cells.cell_config import CameraConfig, RobotConfig
 from sim_check.models.object_visuals import object_pictures
 from sim_check.models.panda_mjcf import COLLISION_GROUP, PICTURE_GROUP
-from sim_check.objects.library import ObjectModel, SolidShape
+from sim_check.objects.library import ObjectModel
+from sim_check.objects.solids import SolidShape
 
 _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,

@@ -23,25 +23,26 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from perception.catalogue.catalogue import Catalogue
 from sim_check.random_scenes.scenes import LabelledPicture, RandomScenes, SceneOptions
-from sim_check.random_scenes.things import ALIKE, COLOUR_WORDS, FURNITURE_NAMES, KINDS, NOUNS
+from sim_check.random_scenes.things import drawn_nouns, drawn_objects, kind_names
 
 FORMAT = "labelled-pictures-1"
 HELD_OUT = 1_000_000  # seeds from here on are never trained on
 WIDTH, HEIGHT = 480, 360
-_KIND_NAMES = tuple(k.names for k in KINDS) + tuple(FURNITURE_NAMES.values())
 
 
-def vocabulary() -> dict:
+def vocabulary(catalogue: Catalogue) -> dict:
     """What the numbers in `things` mean."""
-    boxes = {"cube", "block", "box", "crate"}
+    names, drawn = kind_names(catalogue), drawn_objects(catalogue)
+    others = [drawn[n[0]].may_be_called if n[0] in drawn else () for n in names]
     return {
         "format": FORMAT,
-        "nouns": list(NOUNS),
-        "colours": list(COLOUR_WORDS),
-        "kinds": [list(names) for names in _KIND_NAMES],
-        "may_be_called": [sorted({*names, *(boxes if names[0] in boxes else ())}) for names in _KIND_NAMES],
-        "alike_colours": [sorted(pair) for pair in ALIKE],
+        "nouns": list(drawn_nouns(catalogue)),
+        "colours": list(catalogue.painted_words),
+        "kinds": [list(n) for n in names],
+        "may_be_called": [sorted({*n, *more}) for n, more in zip(names, others, strict=True)],
+        "alike_colours": [sorted(pair) for pair in catalogue.alike_colours],
     }
 
 
@@ -64,13 +65,13 @@ def write_shard(path: Path, seed: int, count: int, mesh_cache: Path | None = Non
         picture = scenes.picture()
         pictures.append(cv2.imencode(".jpg", picture.colour[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 92])[1])
         labels.append(cv2.imencode(".png", picture.labels)[1])
-        rows += _rows(k, picture)
+        rows += _rows(k, picture, scenes.catalogue)
     scenes.close()
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
         np.savez(
             file,
-            meta=np.array(json.dumps(vocabulary())),
+            meta=np.array(json.dumps(vocabulary(scenes.catalogue))),
             pictures=np.concatenate(pictures),
             picture_ends=np.cumsum([len(p) for p in pictures]),
             labels=np.concatenate(labels),
@@ -80,13 +81,14 @@ def write_shard(path: Path, seed: int, count: int, mesh_cache: Path | None = Non
     os.replace(file.name, path)
 
 
-def _rows(number: int, picture: LabelledPicture) -> list[tuple[int, ...]]:
+def _rows(number: int, picture: LabelledPicture, catalogue: Catalogue) -> list[tuple[int, ...]]:
+    kinds, colours = kind_names(catalogue), tuple(catalogue.painted_words)
     return [
         (
             number,
             s.label,
-            _KIND_NAMES.index(s.thing.nouns),
-            COLOUR_WORDS.index(s.thing.colour),
+            kinds.index(s.thing.nouns),
+            colours.index(s.thing.colour),
             *(int(v) for v in s.box_px),
             round(1000 * s.visible_share),
             int(s.clear),

@@ -16,6 +16,7 @@ import numpy as np
 
 from control.robot.limits import REST_Q
 from control.twin_model import ARM_BODIES, ARM_JOINTS
+from perception.catalogue.catalogue import Catalogue, builtin_catalogue
 from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.ground_truth import FrameTruth, TrueObject
 from sim_check.cells.simulation_config import DepthNoiseConfig
@@ -24,18 +25,11 @@ from sim_check.furniture.model import FurnitureModel
 from sim_check.models.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.models.render import Offscreen
 from sim_check.models.scene_mjcf import add_object, set_rendering
-from sim_check.objects.library import UNKNOWN_FRICTION, ObjectModel, SolidShape
+from sim_check.objects.library import ROLLING, TORSION, ObjectModel
+from sim_check.objects.solids import SolidShape
 from sim_check.random_scenes.room import Room, add_random_room
 from sim_check.random_scenes.silhouettes import silhouette_area
-from sim_check.random_scenes.things import (
-    COLOUR_WORDS,
-    NOUNS,
-    USUAL,
-    RandomThing,
-    random_furniture,
-    random_thing,
-    shade,
-)
+from sim_check.random_scenes.things import RandomThing, drawn_nouns, random_furniture, random_thing, shade
 from sim_check.world.depth_noise import stereo_depth
 
 HIDDEN_GROUP = 5  # geoms of this group are not drawn
@@ -129,14 +123,22 @@ class LabelledPicture:
 class RandomScenes:
     """An endless row of labelled pictures; the same seed and options give the same row."""
 
-    def __init__(self, seed: int, options: SceneOptions | None = None, mesh_cache: Path | None = None) -> None:
+    def __init__(
+        self,
+        seed: int,
+        options: SceneOptions | None = None,
+        mesh_cache: Path | None = None,
+        catalogue: Catalogue | None = None,
+    ) -> None:
         """Nothing is built before the first picture.
 
         Args:
             seed: Of everything random.
             options: What is drawn.
             mesh_cache: Folder in which the robot's converted meshes are kept.
+            catalogue: What may be drawn, and how; the built-in one if None.
         """
+        self.catalogue = catalogue or builtin_catalogue()
         self.options = options or SceneOptions()
         scene_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)
         self._rng, self._noise_rng = np.random.default_rng(scene_seed), np.random.default_rng(noise_seed)
@@ -157,7 +159,7 @@ class RandomScenes:
         per_pool = o.scenes_per_pool * o.views_per_scene
         if self._pool is None or self._count % per_pool == 0:
             self.close()
-            self._pool = _Pool(self._rng, o, self._mesh_cache)
+            self._pool = _Pool(self._rng, o, self._mesh_cache, self.catalogue)
         if self._count % o.views_per_scene == 0:
             self._pool.arrange()
         self._count += 1
@@ -172,7 +174,7 @@ class RandomScenes:
         frame = RgbdFrame(
             picture.colour, depth, picture.intrinsics, picture.world_T_camera, float(self._count), "random"
         )
-        return frame, truth_of(picture)
+        return frame, truth_of(picture, self.catalogue)
 
     def close(self) -> None:
         """Free what the graphics driver holds."""
@@ -181,7 +183,7 @@ class RandomScenes:
             self._pool = None
 
 
-def truth_of(picture: LabelledPicture) -> FrameTruth:
+def truth_of(picture: LabelledPicture, catalogue: Catalogue) -> FrameTruth:
     """What can fairly be asked about a picture: its clear things by name, and names of what is certainly absent."""
     clear = [s for s in picture.seen if s.clear]
     objects, used = [], set()
@@ -204,8 +206,8 @@ def truth_of(picture: LabelledPicture) -> FrameTruth:
         )
     absent = [
         noun if colour == noun else f"{colour}_{noun}"
-        for noun in NOUNS
-        for colour in COLOUR_WORDS
+        for noun in drawn_nouns(catalogue)
+        for colour in catalogue.painted_words
         if not any(s.thing.may_fit(noun, colour) for s in picture.seen)
     ]
     return FrameTruth(tuple(objects), tuple(absent))
@@ -215,7 +217,7 @@ def name_in(thing: RandomThing, all_things: Sequence[RandomThing]) -> str:
     """What people would call a thing among others: "lemon" where the colour says nothing, else "red_cube"."""
     noun = thing.nouns[0]
     alone = not any(t is not thing and t.may_fit(noun, None) for t in all_things)
-    if noun == thing.colour or (alone and thing.colour in USUAL.get(noun, ())):
+    if noun == thing.colour or (alone and thing.colour in thing.unsaid_colours):
         return noun
     return f"{thing.colour}_{noun}"
 
@@ -223,11 +225,13 @@ def name_in(thing: RandomThing, all_things: Sequence[RandomThing]) -> str:
 class _Pool:
     """One compiled model whose arrays are rewritten for every scene."""
 
-    def __init__(self, rng: np.random.Generator, options: SceneOptions, mesh_cache: Path | None) -> None:
-        self._rng, self._options = rng, options
-        self._things = [random_thing(rng, f"thing{i}") for i in range(2 * options.most_things)]
+    def __init__(
+        self, rng: np.random.Generator, options: SceneOptions, mesh_cache: Path | None, catalogue: Catalogue
+    ) -> None:
+        self._rng, self._options, self._catalogue = rng, options, catalogue
+        self._things = [random_thing(rng, f"thing{i}", catalogue) for i in range(2 * options.most_things)]
         if rng.random() < 2 * options.furniture_share:
-            self._things.append(random_furniture(rng, "furniture"))
+            self._things.append(random_furniture(rng, "furniture", catalogue))
         robot = rng.random() < options.robot_share
         spec = panda_spec(meshes=True, mesh_cache=mesh_cache) if robot else mujoco.MjSpec()
         room = add_random_room(spec, rng)
@@ -236,7 +240,7 @@ class _Pool:
                 add_furniture(spec, thing.model, np.eye(4), pictures=True)
             else:
                 add_object(spec, thing.model, np.eye(4), pictures=True)
-        clutter = [_clutter(rng, f"clutter{i}") for i in range(2 * options.clutter)]
+        clutter = [_clutter(rng, f"clutter{i}", catalogue) for i in range(2 * options.clutter)]
         for piece in clutter:
             add_object(spec, piece, np.eye(4), pictures=True)
         spec.worldbody.add_camera(
@@ -330,7 +334,7 @@ class _Pool:
         """The thing in a fresh shade of its colour, written into the model."""
         model = self._model
         assert isinstance(thing.model, ObjectModel)
-        old, new = np.array(thing.model.rgb), np.array(shade(self._rng, thing.colour))
+        old, new = np.array(thing.model.rgb), np.array(shade(self._rng, thing.colour, self._catalogue))
         ratio = new / np.maximum(old, 1e-3)
         for geom in self._paint[thing.model.name][0]:
             material = model.geom_matid[geom]
@@ -338,7 +342,7 @@ class _Pool:
                 model.mat_rgba[material, :3] = new
                 model.mat_specular[material] = self._rng.uniform(0.0, 0.7)
                 model.mat_shininess[material] = self._rng.uniform(0.1, 0.8)
-            elif thing.nouns[0] == "crate":
+            elif thing.model.visual == "boards":  # painted board by board
                 model.geom_rgba[geom, :3] = np.clip(model.geom_rgba[geom, :3] * ratio, 0.0, 1.0)
         painted = replace(thing, model=replace(thing.model, rgb=tuple(new)))
         self._things[self._things.index(thing)] = painted
@@ -358,12 +362,12 @@ class _Pool:
         yaw = rng.uniform(-np.pi, np.pi)
         height = float(thing.extents[2])
         flat = thing.extents.copy()
-        if thing.nouns[0] in ("can", "cylinder") and rng.random() < 0.15:
+        if thing.lies > 0 and rng.random() < thing.lies:
             return self._lying(thing, placed, yaw)
         if carriers and flat[:2].max() < 0.1 and rng.random() < 0.45:
             k = int(rng.integers(len(carriers)))
             below, pose = carriers[k]
-            inside = below.nouns[0] == "bowl"
+            inside = below.carries == "inside"
             room = below.model.inner_radius * 0.75 if inside else float(below.extents[:2].min()) / 2
             if thing.radius <= room:
                 carriers.pop(k)
@@ -374,7 +378,7 @@ class _Pool:
         if spot is None:
             return None
         pose = _upright(np.array([*spot, height / 2]), yaw)
-        if thing.nouns[0] in ("crate", "bowl", "block", "cube") and flat[:2].min() > 0.05:
+        if thing.carries is not None and flat[:2].min() > 0.05:
             carriers.append((thing, pose))
         return pose
 
@@ -485,7 +489,7 @@ def _upright(position: np.ndarray, yaw: float) -> np.ndarray:
     return pose
 
 
-def _clutter(rng: np.random.Generator, name: str) -> ObjectModel:
+def _clutter(rng: np.random.Generator, name: str, catalogue: Catalogue) -> ObjectModel:
     """A solid that no noun of the library describes: a slab, a rod, a disc, an odd block."""
     kind = str(rng.choice(["slab", "rod", "disc", "wedge"]))
     if kind == "slab":
@@ -504,10 +508,11 @@ def _clutter(rng: np.random.Generator, name: str) -> ObjectModel:
             SolidShape("capsule", np.array([0.012, 0.012, size[2] / 2 - 0.012])),
             SolidShape("box", np.array([size[1] / 2, 0.008, 0.01]), np.array([0.0, 0.0, size[2] / 4])),
         )
-    friction = np.array([UNKNOWN_FRICTION, 0.005, 0.0008])
+    friction = np.array([catalogue.unknown.friction, TORSION, ROLLING])
     return ObjectModel(
         name=name,
         noun=None,
+        shape="box",
         extents=size,
         solids=tuple(solid),
         mass=0.1,

@@ -8,7 +8,8 @@ import numpy as np
 
 from perception.frames import CameraIntrinsics
 from sim_check.furniture.model import FurnitureModel
-from sim_check.objects.library import ObjectModel, SolidShape
+from sim_check.objects.library import ObjectModel
+from sim_check.objects.solids import SolidShape
 
 _TURNS = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)

@@ -13,7 +13,7 @@ from sim_check.cells.furniture_config import FurnitureConfig
 from sim_check.cells.poses_config import PoseConfig
 from sim_check.furniture.build import furniture_model
 from sim_check.models.scene_mjcf import pose_of
-from sim_check.objects.library import ObjectModel, object_model
+from sim_check.objects.library import object_model
 
 MEASURED = "written down by a person"
 
@@ -72,16 +72,7 @@ def _solid(name: str, pose: PoseConfig, furniture: dict[str, FurnitureConfig]) -
         model = object_model(name, None if pose.extents is None else np.asarray(pose.extents), pose.shape)
     except ConfigError as error:
         raise ConfigError(f"poses.{name}: {error}; or give both extents and shape") from error
-    return model.extents, pose.shape or _usual_shape(model)
-
-
-def _usual_shape(thing: ObjectModel) -> Shape:
-    if thing.handle is not None:
-        return "box"  # a kettle has a direction
-    if thing.container:
-        return "cylinder"
-    kinds: dict[str, Shape] = {"cylinder": "cylinder", "sphere": "sphere", "ellipsoid": "sphere"}
-    return kinds.get(thing.solids[0].kind, "box")
+    return model.extents, pose.shape or model.shape
 
 
 def _height(

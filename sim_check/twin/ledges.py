@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim_check.objects.library import SolidShape
+from sim_check.objects.solids import SolidShape
 from sim_check.twin.placed import Fixed, Standing
 
 BOTTOM_SLACK = 0.012  # [m] that a perceived bottom may be below what carries it

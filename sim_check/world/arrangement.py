@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.errors import ConfigError
+from perception.catalogue.catalogue import builtin_catalogue
 from sim_check.cells.cell_config import CellConfig, PlacementConfig, SimulationConfig
 from sim_check.furniture.build import furniture_model
 from sim_check.furniture.doors import stand_off_top
 from sim_check.furniture.model import FurnitureModel
 from sim_check.models.scene_mjcf import pose_of
-from sim_check.objects.library import ObjectModel, object_model, rgb_of
+from sim_check.objects.library import ObjectModel, object_model
 
 _TRIES = 500
 _AIR = 5e-4  # gap under things when they are put down, in [m]
@@ -95,7 +96,7 @@ def _sized(placement: PlacementConfig, rng: np.random.Generator) -> ObjectModel:
     if placement.mass is not None:
         thing = replace(thing, mass=placement.mass)
     if placement.colours:
-        thing = replace(thing, rgb=rgb_of(str(rng.choice(placement.colours))))
+        thing = replace(thing, rgb=builtin_catalogue().paints[str(rng.choice(placement.colours))])
     return thing
 
 
@@ -103,7 +104,7 @@ def _coloured(thing: FurnitureModel, placement: PlacementConfig, rng: np.random.
     if not placement.colours:
         return thing
     colour = str(rng.choice(placement.colours))
-    return replace(thing, rgb=rgb_of(colour), wooden=colour == "wood")
+    return replace(thing, rgb=builtin_catalogue().paints[colour], wooden=colour == "wood")
 
 
 def _fractions(placement: PlacementConfig, rng: np.random.Generator) -> dict[str, float]:

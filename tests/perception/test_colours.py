@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.catalogue.colour_words import colour_word
 from perception.pipeline import default_perception
 from perception.scene_file import LookRecord
-from sim_check.objects.library import COLOURS
 from tests.support.scenes.perception_scenes import BLUE, RED, Thing, cube, render
+
+PAINTS = builtin_catalogue().paints
 
 
 def spread(rgb, light=1.0, noise=4.0, n=400):
@@ -15,24 +17,24 @@ def spread(rgb, light=1.0, noise=4.0, n=400):
     return np.clip(np.round(pixels), 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize("word", [w for w in COLOURS if w not in ("black", "cyan", "white")])
+@pytest.mark.parametrize("word", [w for w in builtin_catalogue().colours if w not in ("black", "cyan", "white")])
 @pytest.mark.parametrize("light", [0.75, 1.0])
 def test_a_plain_colour_gets_its_word_in_light_and_in_shade(word, light):
-    assert colour_word(spread(COLOURS[word], light)) == word
+    assert colour_word(spread(PAINTS[word], light)) == word
 
 
 @pytest.mark.parametrize("word", ["black", "cyan", "white"])
 def test_black_cyan_and_white_get_their_words_in_light(word):
-    assert colour_word(spread(COLOURS[word])) == word
+    assert colour_word(spread(PAINTS[word])) == word
 
 
 def test_a_thing_half_in_the_shade_has_the_colour_of_its_lit_half():
-    pixels = np.concatenate([spread(COLOURS["red"], 0.15), spread(COLOURS["red"], 1.0)])
+    pixels = np.concatenate([spread(PAINTS["red"], 0.15), spread(PAINTS["red"], 1.0)])
     assert colour_word(pixels) == "red"
 
 
 def test_a_few_pixels_or_a_colour_between_words_stay_undecided():
-    assert colour_word(spread(COLOURS["red"], n=8)) is None
+    assert colour_word(spread(PAINTS["red"], n=8)) is None
     assert colour_word(spread((0.60, 0.50, 0.50))) is None
 
 

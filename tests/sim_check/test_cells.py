@@ -76,6 +76,11 @@ def test_an_unknown_key_is_told_with_its_place_and_the_valid_keys(write, line, w
     assert valid in text
 
 
+def test_a_colour_that_the_catalogue_lacks_is_told_with_the_ones_that_it_has(write):
+    with pytest.raises(ConfigError, match=r"microwave\.colour: there is no colour 'beige'; colours are red, .*, wood"):
+        load_cell(write(SMALLEST + "furniture: {microwave: {kind: microwave, colour: beige}}\n"))
+
+
 def test_an_unknown_key_of_a_camera_is_told_with_its_number(write):
     with pytest.raises(ConfigError, match=r"unknown key 'cameras\[0\]\.focal'; valid keys there are name, mounting"):
         load_cell(write(SMALLEST.replace("fx: 600.0", "fx: 600.0, focal: 3")))

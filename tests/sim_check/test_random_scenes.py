@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.geometry.cloud import back_project, to_world
 from sim_check.random_scenes.labelled_pictures import vocabulary
 from sim_check.random_scenes.scenes import RandomScenes, SceneOptions
-from sim_check.random_scenes.things import COLOUR_WORDS, NOUNS
+from sim_check.random_scenes.things import drawn_nouns
 
 SMALL = SceneOptions(width=240, height=180, scenes_per_pool=3, robot_share=0.0, furniture_share=0.5)
 
@@ -66,7 +67,7 @@ def test_nothing_that_is_there_is_called_absent_and_names_are_unique():
         assert not set(names) & set(truth.absent)
         for name in names:
             noun = name.split("_")[-1]
-            assert noun in NOUNS
+            assert noun in drawn_nouns(builtin_catalogue())
             assert noun not in truth.absent
     scenes.close()
 
@@ -83,7 +84,7 @@ def test_a_frame_has_stereo_noise_and_its_picture_has_not():
 
 
 def test_the_vocabulary_names_every_kind():
-    words = vocabulary()
+    words = vocabulary(builtin_catalogue())
     assert set(words["nouns"]) == {n for names in words["kinds"] for n in names}
-    assert set(words["colours"]) == set(COLOUR_WORDS)
+    assert set(words["colours"]) == set(builtin_catalogue().painted_words)
     assert all(set(a) <= set(b) for a, b in zip(words["kinds"], words["may_be_called"], strict=True))

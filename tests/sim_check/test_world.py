@@ -8,7 +8,8 @@ from control.errors import ConfigError
 from control.robot.limits import REST_Q
 from control.twin_model import ARM_JOINTS, FINGER_JOINTS
 from sim_check.cells.loading import load_cell
-from sim_check.objects.library import bowl_profile, known_nouns, noun_of, object_model
+from sim_check.objects.bowl import bowl_profile
+from sim_check.objects.library import known_nouns, noun_of, object_model
 from sim_check.world.world import build_world
 
 CELLS = [("cubes", None), ("cubes-blocked", None), ("fruit-bowl", None), ("fruit-bowl", {"lemon_in_bowl": True})]

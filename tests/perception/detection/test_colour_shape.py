@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from perception.catalogue.appearance import COLOURS, LOOKS, appearance_of, parse_phrase
+from perception.catalogue.catalogue import builtin_catalogue
+from perception.catalogue.phrases import appearance_of, parse_phrase
 from perception.detection.colour_shape import ColourShapeDetector
 from perception.detection.nms import box_iou, suppress
 from perception.errors import UnknownPhraseError
@@ -88,7 +89,7 @@ def test_a_colour_picture_alone_is_enough_for_boxes(cubes):
 
 
 def test_an_empty_table_yields_nothing():
-    assert phrases_found(render([]), *LOOKS) == set()
+    assert phrases_found(render([]), *builtin_catalogue().appearances) == set()
 
 
 def test_a_picture_of_noise_yields_no_error():
@@ -97,14 +98,14 @@ def test_a_picture_of_noise_yields_no_error():
     frame = RgbdFrame(
         colour, np.ones((120, 160), np.float32), CameraIntrinsics(160, 120, 150, 150, 80, 60), np.eye(4), 0
     )
-    for found in ColourShapeDetector().detect(frame, list(LOOKS)):
+    for found in ColourShapeDetector().detect(frame, list(builtin_catalogue().appearances)):
         assert 0.0 <= found.score <= 1.0
 
 
 def test_orange_is_a_colour_before_a_noun_and_a_fruit_at_the_end():
-    assert parse_phrase("orange cube").colours == (COLOURS["orange"],)
-    assert parse_phrase("orange cube").look is LOOKS["cube"]
-    assert parse_phrase("the orange").look is LOOKS["orange"]
+    assert parse_phrase("orange cube").colours == (builtin_catalogue().colours["orange"],)
+    assert parse_phrase("orange cube").look is builtin_catalogue().appearances["cube"]
+    assert parse_phrase("the orange").look is builtin_catalogue().appearances["orange"]
 
 
 def test_a_named_colour_replaces_the_usual_ones():
