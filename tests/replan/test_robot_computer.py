@@ -27,7 +27,7 @@ gate, cell = cell_gate("cubes", ())
 import time
 from control.safety.certificate import Certificate
 from hw_interface.simulated.fake_backend import PerfectRobot
-from tests.support.robot_side.hw_support import swing
+from benchmarks.robot_side.perfect_robot import swing
 motion = swing(0.5)
 right = Certificate("1", motion.content_hash(), gate.profile, gate.firmware, time.time(), gate.limits_hash, time.time(),
     time.time() + 60.0)
