@@ -4,31 +4,43 @@ import sys
 
 from replan.console import Console
 from replan_base.errors import ForeignPackageError, ReplanError
+from replan_base.interruption import raise_on_signals
 from replan_base.packages import require_own_packages
 
 
 def main() -> None:
-    """Entry point; ends the process with the exit codes of `replan.errors`."""
+    """Entry point; ends the process with the exit codes of `replan.errors`.
+
+    Ctrl-C, SIGTERM and SIGHUP bring an arm that was set in motion to rest, also where the shell ignores Ctrl-C.
+    """
+    raise_on_signals()
+    console = Console(json="--json" in sys.argv)
     try:
-        require_own_packages()
+        require_own_packages()  # before the arguments are parsed: that imports all commands
+        command = _parsed()
     except ForeignPackageError as error:
-        Console(json="--json" in sys.argv).fail(error)  # before the arguments are parsed: that imports all commands
+        console.fail(error)
         sys.exit(1)
+    except KeyboardInterrupt as end:
+        sys.exit(_interrupted(end, console))
+    sys.exit(_run(command))
+
+
+def _parsed():
     import tyro
 
     from replan.commands import COMMANDS
 
-    command = tyro.extras.subcommand_cli_from_dict(
+    return tyro.extras.subcommand_cli_from_dict(
         COMMANDS,
         prog="replan",
         description="A typed goal moves a Panda: look, plan with language models, find motions in a MuJoCo twin, "
         "judge them there, execute, look again.",
     )
-    sys.exit(_run(command))
 
 
 def _run(command) -> int:
-    from replan.errors import INTERRUPTED, exit_code
+    from replan.errors import exit_code
 
     console = Console(json=command.json)
     try:
@@ -36,13 +48,19 @@ def _run(command) -> int:
     except ReplanError as error:
         console.fail(error)
         return exit_code(error)
-    except KeyboardInterrupt:
-        console.note("interrupted")
-        return INTERRUPTED
+    except KeyboardInterrupt as end:
+        return _interrupted(end, console)
     except BrokenPipeError:
         # The reader of our output went away (for instance `| head`); there is nobody left to tell.
         sys.stderr.close()
         return 1
+
+
+def _interrupted(end: KeyboardInterrupt, console: Console) -> int:
+    from replan.errors import exit_code
+
+    console.note(str(end) or "interrupted")
+    return exit_code(end)
 
 
 if __name__ == "__main__":

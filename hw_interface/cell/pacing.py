@@ -18,6 +18,7 @@ from hw_interface.link.memory import keep_memory
 from hw_interface.link.security import LinkSecurity
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
+from replan_base.interruption import ending_signals
 
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
 IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
@@ -29,7 +30,7 @@ END_STOP_TIME = 3.0  # [s] of robot time that a stop may take when the process i
 
 
 class Leash:
-    """Tells when to end: SIGTERM, SIGINT, or the death of the parent process.
+    """Tells when to end: SIGTERM, SIGINT, SIGHUP, or the death of the parent process.
 
     Args:
         parent_pid: Process to end with, or None.
@@ -43,11 +44,11 @@ class Leash:
 
     @contextmanager
     def signals(self) -> Iterator[None]:
-        """While inside, SIGTERM and SIGINT end the loop instead of the process (main thread only)."""
+        """While inside, the signals end the loop instead of the process (main thread only)."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = {s: signal.signal(s, lambda *_: self._told.set()) for s in (signal.SIGTERM, signal.SIGINT)}
+        before = {s: signal.signal(s, lambda *_: self._told.set()) for s in ending_signals()}
         try:
             yield
         finally:

@@ -57,7 +57,7 @@ def run_sim_cell(
     parent_pid: int | None = None,
     leash: Leash | None = None,
 ) -> None:
-    """Serve a simulated cell until SIGTERM, SIGINT or the parent's death. Prints one ready line on stdout.
+    """Serve a simulated cell until SIGTERM, SIGINT, SIGHUP or the parent's death. Prints one ready line on stdout.
 
     Args:
         world: The world; this function steps it, nobody else may.

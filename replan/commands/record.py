@@ -51,7 +51,7 @@ class Record:
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
-        """Record; exit code 0 also when Ctrl-C ended it."""
+        """Record; exit code 0 also when Ctrl-C, SIGTERM or SIGHUP ended it."""
         console.note(f"recording cell {self.cell}" if self.robot is None else f"recording the robot at {self.robot}")
         from replan.robot.record import RecordOptions, record
 

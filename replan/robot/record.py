@@ -1,15 +1,15 @@
 """Recording a cell's cameras into an MCAP file that ROS 2's tools and `replan perceive` read."""
 
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from control.errors import ConfigError
 from replan.errors import DONE
+from replan_base.interruption import held_back
 from replan_base.processes import python_module
 
 if TYPE_CHECKING:
@@ -146,7 +146,8 @@ def _record(
     ends = [f"{options.frames} frames"] if options.frames is not None else []
     ends += [f"{options.seconds:g} s"] if options.seconds is not None else []
     say(f"recording {', '.join(cameras)} into {options.out}: {' or '.join(ends) or 'no end'}; Ctrl-C ends it")
-    with _asked_to_end() as asked, writer:
+    # Ctrl-C raises nothing here: a half written message would spoil the file.
+    with held_back() as asked, writer:
         began = time.monotonic()
         due, told = began, began
         while not asked():
@@ -171,17 +172,6 @@ def _record(
     seconds = 0.0 if first is None or last is None else last - first
     size = options.out.stat().st_size
     return RecordReport(options.out, counts, seconds, size, options.truth, interrupted)
-
-
-@contextmanager
-def _asked_to_end() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed meanwhile, which then raises nothing: a half written message would spoil the file."""
-    pressed = []
-    previous = signal.signal(signal.SIGINT, lambda *_: pressed.append(True))
-    try:
-        yield lambda: bool(pressed)
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 def _start_cell(options: RecordOptions, say: Callable[[str], None], stack: ExitStack) -> str:

@@ -41,7 +41,7 @@ def make_view(cell: "CellConfig") -> "Ros2View":
 
 
 def show_ros2(options: Ros2Options, say: Callable[[str], None]) -> dict[str, Any]:
-    """Publish, and record if asked, until SIGINT or SIGTERM.
+    """Publish, and record if asked, until SIGINT, SIGTERM or SIGHUP.
 
     Args:
         options: What to show, where.

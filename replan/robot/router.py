@@ -11,7 +11,7 @@ _BEAT = 0.1  # [s] between two looks at whether to end
 
 
 def serve_router(endpoint: str, security: LinkSecurity | None, announce: Callable[[str], None]) -> None:
-    """Pass messages on until SIGTERM or SIGINT.
+    """Pass messages on until SIGTERM, SIGINT or SIGHUP.
 
     Args:
         endpoint: Where to listen.

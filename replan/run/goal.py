@@ -1,6 +1,5 @@
 """One run: everything between a typed goal and a judged result. Could be called from a notebook as well."""
 
-import signal
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +14,7 @@ from planning.baselines import METHODS
 from planning.loop.results import LoopSettings, Part
 from planning.reasoners.choice import ReasonerOptions
 from replan.errors import DONE, NOT_REACHED
+from replan_base.interruption import held_back
 from replan_base.processes import python_module
 
 if TYPE_CHECKING:
@@ -352,12 +352,8 @@ def _endpoint(options: RunOptions, say: Callable[[str], None], stack: ExitStack)
 
 
 def _write_film(film, episode, options: RunOptions, say: Callable[[str], None]) -> None:
-    # A second Ctrl-C must not leave half a file.
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
+    with held_back():  # a second Ctrl-C must not leave half a file
         if options.strip and film.write_strip(episode.folder / "strip.png"):
             say(f"pictures: {episode.folder / 'strip.png'}")
         if options.video:
             film.write_video(episode.folder / "run.mp4")
-    finally:
-        signal.signal(signal.SIGINT, previous)

@@ -106,13 +106,25 @@ def test_a_certificate_that_is_none_is_a_usage_error(client: CellClient, tmp_pat
     assert done.returncode == 2 and "is no certificate: field 'serial'" in done.stderr
 
 
-def test_ctrl_c_rests_on_the_path(client: CellClient, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("number", "code", "told"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "SIGTERM"), (signal.SIGHUP, 129, "SIGHUP")],
+)
+def test_whoever_ends_the_command_has_the_arm_rest_on_the_path(
+    client: CellClient, tmp_path: Path, number: signal.Signals, code: int, told: str
+):
     motion = from_here(client, 4.0, 0.3)
-    process = subprocess.Popen(command(client, "play", *files(tmp_path, motion)), stderr=subprocess.PIPE, text=True)
-    assert until(lambda: client.state().progress > 800 and client.state().mode == "moving", 30.0)
-    os.kill(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=20.0)
-    assert process.returncode == 130 and "Traceback" not in error
+    process = subprocess.Popen(
+        command(client, "play", *files(tmp_path, motion)),
+        stderr=subprocess.PIPE,
+        text=True,
+        # A script's shell starts background jobs so.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
+    assert until(lambda: client.state().progress > 800 and client.state().mode == "moving")
+    os.kill(process.pid, number)
+    _, error = process.communicate()
+    assert process.returncode == code and told in error and "Traceback" not in error
     state = client.state()
     assert state.mode == "stopped" and not any(state.qd)
     assert np.abs(motion.q - np.array(state.q_d)).max(axis=1).min() < 1e-3
