@@ -61,7 +61,7 @@ class Perception:
             cameras together; the detector is not asked for them.
         forms: Things whose form is known up to its sizes, by noun. They too are looked for in the depth of all cameras
             together; the detector is asked where several things have the form, or none.
-        catalogue: What nouns look like; the built-in one if None.
+        catalogue: What nouns and colours look like; the built-in one if None.
     """
 
     detector: Detector
@@ -118,7 +118,8 @@ class Perception:
         fits = fit_known(frames, asked, table, KnownSettings(self.settings.noise), stood) if asked else {}
         standing = [fit for fit in fits.values() if isinstance(fit, KnownFit)]
         of_form = forms_of([name for name in wanted if name not in fits], self.forms)
-        formed = find_forms(frames, of_form, table, standing, FormSettings(self.settings.noise)) if of_form else {}
+        search = FormSettings(self.settings.noise)
+        formed = find_forms(frames, of_form, table, standing, search, self.catalogue) if of_form else {}
         seconds["pose"] += time.perf_counter() - started
         formed = {name: self._likeliest(seen, frames) for name, seen in formed.items() if seen}
         others = tuple(name for name in wanted if name not in fits and name not in formed)
@@ -154,7 +155,7 @@ class Perception:
                     unseen.append(Unseen(name, "what looks like it in the pictures has not its sizes"))
             for i, merged in enumerate(merges):
                 free = instance_name(name, {*wanted, *(o.name for o in objects)}) if i else name
-                objects.append(replace(merged, name=free, colour=colour_of(merged.evidence, frames)))
+                objects.append(replace(merged, name=free, colour=colour_of(merged.evidence, frames, self.catalogue)))
             if not any(seen):
                 unseen.append(Unseen(name, "; ".join(dict.fromkeys(v.missing[name] for v in views))))
         seconds["merge"] += time.perf_counter() - started

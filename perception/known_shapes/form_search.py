@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from perception.catalogue.catalogue import builtin_catalogue
+from perception.catalogue.catalogue import Catalogue, builtin_catalogue
 from perception.catalogue.colour_words import colour_of
 from perception.estimates import ObjectEstimate
 from perception.frames import RgbdFrame
@@ -28,6 +28,7 @@ def find_forms(
     table: SupportPlane,
     standing: Sequence[KnownFit],
     settings: FormSettings,
+    catalogue: Catalogue | None = None,
 ) -> dict[str, list[ObjectEstimate]]:
     """Everything that has the form and the colour of a name.
 
@@ -37,6 +38,7 @@ def find_forms(
         table: What things stand on.
         standing: Furniture that was found.
         settings: Of the fit.
+        catalogue: Of colours; the built-in one if None.
 
     Returns:
         Estimates by name, the best agreeing first; an empty list where there is none.
@@ -51,12 +53,12 @@ def find_forms(
         good = sorted((f for f in fits if isinstance(f, FormFit)), key=lambda f: -f.agreeing)
         for name in (n for n, own in asked.items() if own is form):
             seen = [form_estimate(f, name, rays, frames, STRIDE, settings.model_std) for f in good]
-            seen = [replace(o, colour=colour_of(o.evidence, frames)) for o in seen]
-            found[name] = [o for o in seen if _may_be(o.colour, name)]
+            seen = [replace(o, colour=colour_of(o.evidence, frames, catalogue)) for o in seen]
+            found[name] = [o for o in seen if _may_be(o.colour, name, catalogue or builtin_catalogue())]
     return found
 
 
-def _may_be(colour: str | None, name: str) -> bool:
+def _may_be(colour: str | None, name: str, catalogue: Catalogue) -> bool:
     """Whether a thing of this colour, None if undecided, may be what a name with or without a colour says."""
-    said = {builtin_catalogue().seen_colour(word) for word in name.split("_")[:-1]} - {None}
+    said = {catalogue.seen_colour(word) for word in name.split("_")[:-1]} - {None}
     return colour is None or not said or colour in said

@@ -1,11 +1,12 @@
 """The page beside bundled weights that tells people what they are, from the card that programs read."""
 
+from perception.catalogue.catalogue import builtin_catalogue
 from perception.detection.bundled import DetectorCard, ModelCard
 
 DATA = """## Data
 
 Pictures rendered with MuJoCo by `sim_check.random_scenes.labelled_pictures`: random things of the object library
-(cubes, blocks, crates, bars, apples, oranges, lemons, balls, cans, bowls, kettles), cabinets, microwaves, levers and
+({objects}), cabinets, microwaves, levers and
 weight plates, in random sizes, shades, places and stacks, with nameless clutter and sometimes a robot arm; random
 surfaces, lights and cameras (0.4 to 1.4 m away, 18 to 78 degrees above the horizon). No photograph, no downloaded
 weights, no text corpus. Figures come from pictures of seeds that were never trained on. To train again: `python -m
@@ -40,5 +41,6 @@ def page(card: ModelCard) -> str:
             f"Nouns: {', '.join(card.nouns)}. Colours: {', '.join(card.colours)}. Threshold {card.threshold:g}.",
             "",
         ]
-    lines += ["| on held-out pictures | |", "|---|---|", rows, "", DATA]
+    objects = ", ".join(noun for noun, entry in builtin_catalogue().objects.items() if entry.drawn)
+    lines += ["| on held-out pictures | |", "|---|---|", rows, "", DATA.format(objects=objects)]
     return "\n".join(lines) + "\n" + (DETECTOR_LIMITS if isinstance(card, DetectorCard) else SEGMENTER_LIMITS)

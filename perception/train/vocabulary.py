@@ -4,17 +4,22 @@ import string
 from collections.abc import Sequence
 from typing import Any
 
-from perception.catalogue.catalogue import builtin_catalogue
+from perception.catalogue.catalogue import Catalogue, builtin_catalogue
 from perception.detection.devices import load_package
 
 # transformers' GroundingDINO finds where phrases end by these fixed ids of BERT's vocabulary.
 FIXED = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
 
 
-def known_words(nouns: Sequence[str], colours: Sequence[str]) -> tuple[str, ...]:
-    """All words that phrases may be made of, sorted: the given ones, and the catalogue's prompt words for them."""
+def known_words(nouns: Sequence[str], colours: Sequence[str], catalogue: Catalogue | None = None) -> tuple[str, ...]:
+    """All words that phrases may be made of, sorted: the given ones, and a catalogue's prompt words for them.
+
+    Args:
+        nouns, colours: Of the pictures.
+        catalogue: The built-in one if None.
+    """
     words = {*nouns, *colours}
-    for said, others in builtin_catalogue().prompt_words.items():
+    for said, others in (catalogue or builtin_catalogue()).prompt_words.items():
         if said in words:
             words |= {w for phrase in others for w in phrase.split()}
     return tuple(sorted(words))

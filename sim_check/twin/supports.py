@@ -12,7 +12,7 @@ import numpy as np
 from control.errors import StackError
 from control.twin_model import TwinModel
 from sim_check.furniture.model import FurnitureModel
-from sim_check.objects.library import ObjectModel, object_model
+from sim_check.objects.library import object_model
 from sim_check.twin.ledges import carried_at, furniture_ledges
 from sim_check.twin.placed import Fixed, Standing
 from sim_check.twin.snapping import snap
@@ -156,12 +156,7 @@ def _on(s: Standing, support: float, inside: bool = False) -> Standing:
     stretch = gap < BOTTOM_ERROR and height >= least
     if stretch and not s.thing.rolls and not s.thing.container:
         extents = np.array([s.thing.extents[0], s.thing.extents[1], height])
-        s = replace(s, thing=object_model(s.thing.name, extents, _solid(s.thing)))
+        s = replace(s, thing=object_model(s.thing.name, extents, s.thing.shape))
     pose = s.pose.copy()
     pose[2, 3] = support + s.thing.extents[2] / 2 + _AIR
     return replace(s, pose=pose)
-
-
-def _solid(thing: ObjectModel):
-    kind = thing.solids[0].kind
-    return kind if kind in ("box", "cylinder") else "sphere"

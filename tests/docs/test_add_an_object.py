@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.catalogue.catalogue import BUILTIN_FILE, Catalogue, read_catalogue
+from perception.catalogue.catalogue import BUILTIN_FILE, Catalogue, builtin_catalogue, read_catalogue
 from perception.detection.colour_shape import ColourShapeDetector
 from perception.errors import UnknownPhraseError
 from perception.pipeline import perception_from_options
@@ -16,7 +16,7 @@ from planning.language.names import MissingName, resolve
 from sim_check.objects.library import noun_of, object_model
 from sim_check.random_scenes.labelled_pictures import vocabulary
 from sim_check.random_scenes.scenes import RandomScenes, SceneOptions
-from sim_check.random_scenes.things import random_thing
+from sim_check.random_scenes.things import drawn_nouns, random_thing
 from tests.support.scenes.perception_scenes import RED, YELLOW, Thing, cube, render
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "add-an-object.md"
@@ -74,7 +74,8 @@ def test_random_scenes_draw_it_and_name_it(catalogue):
     assert {t.colour for t in jars} == {"red", "green", "white"}
     assert all(0.05 <= t.extents[0] <= 0.09 and t.extents[0] == t.extents[1] for t in jars)
     assert "jar" in vocabulary(catalogue)["nouns"]
-    assert "jar" in known_words(vocabulary(catalogue)["nouns"], ())
+    words = known_words(vocabulary(catalogue)["nouns"], vocabulary(catalogue)["colours"], catalogue)
+    assert set(words) - set(known_words(drawn_nouns(builtin_catalogue()), ())) >= {"jar", "glass", "pot"}
     options = SceneOptions(width=160, height=120, robot_share=0.0, furniture_share=0.0, scenes_per_pool=12)
     scenes = RandomScenes(1, options, catalogue=catalogue)
     named = {o.name.split("_")[-1] for _ in range(36) for o in scenes.frame()[1].objects}
