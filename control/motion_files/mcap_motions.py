@@ -84,10 +84,12 @@ def read_mcap(path: Path, topic: str | None = None, index: int | None = None) ->
 def _opened(path: Path) -> "Iterator[SeekingReader]":
     """A reader of a file that is complete; errors of any library meeting damaged bytes become ours."""
     try:
+        import mcap_ros2.decoder  # noqa: F401 -- used further on; asked for here, with the rest
         from mcap.reader import SeekingReader  # here, so that nobody needs it for other formats
     except ModuleNotFoundError as error:
         raise MotionFileError(
-            f"'{path}' needs the packages mcap and mcap-ros2-support, which are not installed; run make setup"
+            f"'{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
+            "(in a checkout: make setup)"
         ) from error
     with path.open("rb") as file:
         start = file.read(len(MAGIC))

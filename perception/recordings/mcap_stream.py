@@ -52,10 +52,12 @@ class McapStream:
 
     def __init__(self, path: Path) -> None:
         try:
+            import mcap_ros2.decoder  # noqa: F401 -- used further on; asked for here, with the rest
             from mcap.reader import SeekingReader  # here, so that nobody needs it for other formats
         except ModuleNotFoundError as error:
             raise FrameError(
-                f"'{path}' needs the packages mcap and mcap-ros2-support, which are not installed; run make setup"
+                f"'{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
+                "(in a checkout: make setup)"
             ) from error
         self._path = path
         self._size = path.stat().st_size

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 ABSENT = (
     "torch,transformers,open3d,mujoco,cv2,toppra,trimesh,matplotlib,mcap,mcap_ros2,openai,pyrealsense2,"
@@ -85,6 +87,36 @@ def test_without_the_library_that_encodes_one_line_says_which_extra_to_install()
         "replan: messages of ROS 2 need the package rosbags, which is not installed; install the extra 'ros2' "
         "(in a checkout: make setup, or make setup-robot)"
     ]
+
+
+@pytest.mark.parametrize(
+    ("absent", "call"),
+    [
+        ("mcap", "from perception.ros2.mcap_file import Ros2McapFile as call"),
+        ("rosbags", "from perception.recordings.mcap_writing import McapFrameWriter as call"),
+        ("mcap", "from perception.recordings.mcap_stream import McapStream as call"),
+        ("mcap_ros2", "from perception.recordings.mcap_stream import McapStream as call"),
+        ("mcap_ros2", "from control.motion_files.mcap_motions import read_mcap as call"),
+    ],
+)
+def test_without_a_package_for_recordings_one_line_says_which_extra_to_install(absent: str, call: str, tmp_path: Path):
+    script = f"""
+from pathlib import Path
+
+import pytest
+from tests.support.without_packages import hide
+from replan_base.errors import ReplanError
+hide([{absent!r}])
+{call}
+try:
+    call(Path({str(tmp_path / "a.mcap")!r}))
+except ReplanError as error:
+    print(error)
+"""
+    (tmp_path / "a.mcap").touch()
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    (line,) = said.stdout.splitlines() or [said.stderr]
+    assert f"the package {absent}" in line and "is not installed; install the extra '" in line
 
 
 def test_its_lock_holds_the_versions_of_the_whole_and_nothing_heavy():
