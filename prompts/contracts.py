@@ -88,7 +88,7 @@ _TABLE = (
         "motion_description", "planner", ("objects", "joints", "plan", "observations", "action", "relocates"),
         "description",
     ),
-    Contract("reward_program", "planner", ("objects", "joints", "action", "description"), "reward_code"),
+    Contract("reward_program", "planner", ("objects", "joints", "calls", "action", "description"), "reward_code"),
     Contract("verify_reward", "verifier", ("description", "call"), "step"),
     Contract("verify_primary", "verifier", ("action", "description"), "step"),
     # Why it failed.

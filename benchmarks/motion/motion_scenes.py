@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.scenes.estimates import estimate, exact_scene, with_errors
 from control.robot.limits import REST_Q
-from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm, TermKind
+from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm
 from control.twin_model import TwinModel
 from perception.estimates import SceneEstimate
 from sim_check.cells.loading import load_cell
@@ -24,7 +24,7 @@ OPEN_WIDTH = 0.08  # [m]
 FURNITURE_OFF, THING_OFF, THING_TURNED = 0.005, 0.004, np.deg2rad(4.0)
 
 
-def spec_of(kind: TermKind, subject: str, target: str | None = None, value: float | None = None) -> RewardSpec:
+def spec_of(kind: str, subject: str, target: str | None = None, value: float | None = None) -> RewardSpec:
     """One primary term and, where an object is handled, the palm's way to it."""
     primary = RewardTerm(kind, subject, target, value, primary=True)
     if kind == "set_joint_fraction":

@@ -11,7 +11,7 @@ import numpy as np
 
 from control.robot.gripper import PANDA_HAND, GripperModel
 from control.safety.limits import SafetyLimits
-from control.tasks.predicates import PosedObject
+from control.tasks.posed_object import PosedObject
 
 PITCHES = np.radians([90.0, 75.0, 60.0, 45.0, 32.0, 25.0])
 LEAST_HOLD = 0.010  # [m] of the object that lies between the pads at least

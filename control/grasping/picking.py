@@ -17,7 +17,7 @@ from control.path_planning.collision_filter import CollisionFilter, Held, Phase
 from control.path_planning.planning_context import PlanningContext, other_terms, straight_targets
 from control.robot.limits import REST_Q
 from control.robot.rotations import rolled
-from control.tasks.predicates import PosedObject
+from control.tasks.posed_object import PosedObject
 from control.trajectory.samples import FINGERS, GripperCommand, PathSegment
 
 BACK_OFF = 0.10  # [m] between pre-grasp and grasp
@@ -197,8 +197,8 @@ def _ways(context: PlanningContext, body: PosedObject, offered: list[Grasp], out
 
 def turn_asked(context: PlanningContext) -> float | None:
     """By how much in [rad] the subject has to be turned about its own x axis, or None where nothing asks for it."""
-    asked = (t for t in (context.subtask.term, *other_terms(context)) if t.kind == "set_obj_orientation")
-    return next((float(t.value or 0.0) for t in asked), None)
+    asked = (t.definition.turns_by(t) for t in (context.subtask.term, *other_terms(context)))
+    return next((angle for angle in asked if angle is not None), None)
 
 
 def _points_down_later(context: PlanningContext, body: PosedObject, grasp: Grasp) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from control.grasping.door_swings import Swing
 from control.safety.limits import SafetyLimits
-from control.tasks.predicates import EDGE_MARGIN, Inside, PosedObject
+from control.tasks.posed_object import EDGE_MARGIN, Inside, PosedObject
 
 RELEASE_GAP = 0.004  # [m] between the object's underside and what will carry it when the fingers open
 TURNS = 12  # turns about the vertical that are offered

@@ -13,7 +13,8 @@ from control.path_planning.collision_filter import Phase
 from control.path_planning.planning_context import PlanningContext, other_terms, straight_targets
 from control.robot.limits import REST_Q, RobotLimits
 from control.robot.rotations import rolled
-from control.tasks.predicates import PosedObject, judge_term
+from control.tasks.posed_object import PosedObject
+from control.tasks.predicates import judge_term
 
 ABOVE_FLOOR = 0.03  # [m] between a shelf and the object that is brought in over it
 BEFORE_OPENING = 0.12  # [m] in front of an opening where the object's centre is brought to first
@@ -69,7 +70,7 @@ def _raised(place: Placement, by: float) -> Placement:
 
 def _meeting_others(context: PlanningContext, body: PosedObject, places: list[Placement]) -> list[Placement]:
     """Those places at which the spec's other terms about the subject hold as well."""
-    others = [t for t in other_terms(context) if t.kind != "set_obj_orientation"]
+    others = [t for t in other_terms(context) if t.definition.turns_by(t) is None]
     if not others:
         return places
     out = []
@@ -96,7 +97,7 @@ def _places_of(context: PlanningContext, body: PosedObject) -> list[Placement]:
         height = context.twin.support_height
         return away_from(body, body.position, -np.inf, others, context.safety, height, context.rng, turns=turns)
     at = context.objects[str(task.target)].position if task.target in context.objects else context.rest_palm
-    distance = float(task.term.value or 0.0)
+    distance = task.amount
     height, swings = context.twin.support_height, door_swings(context.twin)
     return away_from(body, at, distance, others, context.safety, height, context.rng, swings=swings, owner=task.target)
 

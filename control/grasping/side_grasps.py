@@ -10,7 +10,7 @@ from control.grasping.grasps import ABOVE_TABLE, LEAST_HOLD, LEVEL, Grasp, pose,
 from control.grasping.handle_grasps import handle_grasps
 from control.robot.gripper import GripperModel
 from control.safety.limits import SafetyLimits
-from control.tasks.predicates import PosedObject
+from control.tasks.posed_object import PosedObject
 from control.twin_model import Handle
 
 HEADINGS = 12  # directions in which a level hand comes, over a full turn

@@ -13,7 +13,7 @@ from control.path_planning.rrt_connect import rrt_connect, transit
 from control.robot.kinematics import ArmKinematics, default_seeds
 from control.robot.limits import REST_Q, RobotLimits
 from control.safety.limits import SafetyLimits
-from control.tasks.predicates import PosedObject
+from control.tasks.posed_object import PosedObject
 from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm
 from control.tasks.subtasks import Subtask, palm_at, posed_objects
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY, TwinModel

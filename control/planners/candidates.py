@@ -20,7 +20,8 @@ from control.grasping.placing import ReadyPlace, offered_places, ready_pairs
 from control.path_planning.collision_filter import Held, JointAt, Phase
 from control.path_planning.planning_context import PlanningContext, path_length, straight_targets
 from control.robot.limits import REST_Q
-from control.tasks.predicates import PosedObject, judge_term
+from control.tasks.posed_object import PosedObject
+from control.tasks.predicates import judge_term
 from control.trajectory.samples import FINGERS, GripperCommand, PathSegment
 from control.twin_model import TABLE_BODY
 
@@ -114,7 +115,7 @@ def _reaches(context: PlanningContext) -> Iterator[Candidate]:
 
 def _lifts(context: PlanningContext) -> Iterator[Candidate]:
     """Pick the subject up and keep it: as high as asked for, or at the rest position."""
-    subject, term = str(context.subtask.subject), context.subtask.term
+    subject = str(context.subtask.subject)
     ready = ready_grasps(context)
     for planner in (False, True):
         found = 0
@@ -127,7 +128,7 @@ def _lifts(context: PlanningContext) -> Iterator[Candidate]:
             if context.subtask.manipulation == "bring":
                 up = context.way(start, np.array(REST_Q), Phase.CARRY, grasp.width, grasp.held, planner)
             else:
-                up = _raise(context, grasp, start, float(term.value or 0.0), planner)
+                up = _raise(context, grasp, start, context.subtask.amount, planner)
             if up is None:
                 continue
             found += 1
@@ -173,7 +174,7 @@ def _drives(context: PlanningContext) -> Iterator[Candidate]:
     joint = context.twin.joint(str(context.subtask.subject))
     if joint is None:
         return
-    goal = joint.position(float(context.subtask.term.value or 0.0))
+    goal = joint.position(context.subtask.amount)
     holds = Holds(context, joint, goal)
     found, shorter = False, []
     for candidate in _driven(context, joint.name, [holds.ready()]):

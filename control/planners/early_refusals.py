@@ -29,7 +29,7 @@ def too_high(twin: TwinModel, task: Subtask, arm: ArmKinematics) -> FailureCause
     if task.manipulation != "lift" or task.subject is None:
         return None
     data = twin.start()
-    thing, height = posed_objects(twin, data)[task.subject], float(task.term.value or 0.0)
+    thing, height = posed_objects(twin, data)[task.subject], task.amount
     # Held by its lower end, its centre is above the hand by half of its longest side.
     least = height - float(np.max(thing.extents)) / 2
     base = data.body(ARM_BODIES[0]).xpos[2]

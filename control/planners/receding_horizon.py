@@ -145,7 +145,7 @@ def _driven_on(context: PlanningContext, opened: GripperCommand) -> Iterator[Can
     """Take the handle on to where the joint should stand, let go and go home."""
     joint = context.twin.joint(str(context.subtask.subject))
     assert joint is not None
-    goal = joint.position(float(context.subtask.term.value or 0.0))
+    goal = joint.position(context.subtask.amount)
     for drive in continued_drives(context, joint, goal, opened.width):
         home = context.way(drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(goal), planner=True)
         if home is None:

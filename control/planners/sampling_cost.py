@@ -5,9 +5,7 @@
 the smooth L2 norm of MuJoCo MPC (Howell et al., 2022, appendix "norms"), with residuals r_i that never are flat where
 the goal's predicate is:
 
-    primary term, w 1        a on b: a's centre from its place on top of b, in the container, or inside the furniture
-                             joint: way that the handle has still to go; height, distance to keep: what is missing
-                             palm and object: the palm from the surface of the object's box
+    primary term, w 1        its own residual (`TermDefinition.residual_along`; docs/reward-terms.md)
     other terms, w 0.1       likewise
     hold, w 1                the palm from the middle of what is handled, or of its handle
     fingers, w 0.1           1 where fingers are not closed although the palm is there, or closed although it is not
@@ -18,6 +16,7 @@ the goal's predicate is:
 These are all: contact forces and clearances cost nothing here, as in the plain method; the verdict judges them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -27,8 +26,8 @@ from control.path_planning.collision_filter import free_joint_address
 from control.robot.kinematics import ArmKinematics
 from control.robot.rotations import rotation_exp
 from control.safety.limits import SafetyLimits
-from control.tasks.predicates import Inside, PosedObject
-from control.tasks.reward_spec import PALM, REST_POSITION, RewardSpec, RewardTerm
+from control.tasks.posed_object import PosedObject
+from control.tasks.reward_spec import PALM, RewardSpec
 from control.tasks.subtasks import Subtask, posed_objects
 from control.twin_model import ARM_BODIES, ARM_JOINTS, TwinJoint, TwinModel
 
@@ -104,11 +103,15 @@ class RunningCost:
         """
         w = self.weights
         palm = self._palm(qpos)
-        total = w.primary * self._smooth(self._distance(self._spec.primary, qpos, palm))
+        motions = _Motions(
+            qpos, palm, self._rest_palm, self._twin.support_height, self._start, self._free, self._handles
+        )
+        primary = self._spec.primary
+        total = w.primary * self._smooth(primary.definition.residual_along(primary, motions))
         for term in self._others:
-            total += w.secondary * self._smooth(self._distance(term, qpos, palm))
+            total += w.secondary * self._smooth(term.definition.residual_along(term, motions))
         if self._task.subject is not None:
-            away = palm - self._middle(self._task.subject, qpos)
+            away = palm - self._middle(self._task.subject, motions)
             total += w.hold * self._smooth(away)
             there = np.einsum("ntk,ntk->nt", away, away) < w.near**2
             total += w.fingers * (there != closed)
@@ -129,69 +132,15 @@ class RunningCost:
         at, _ = self._arm.forward(q.reshape(-1, 7))
         return (at @ self._base_turn.T + self._base_at).reshape(*q.shape[:2], 3)
 
-    def _place(self, name: str, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (n, t, 3) in [m] and rotations (n, t, 3, 3) of an object; one of each where it is fixed."""
-        address = self._free[name]
-        if address is None:
-            pose = self._start[name].pose
-            return pose[None, None, :3, 3], pose[None, None, :3, :3]
-        return qpos[..., address : address + 3], _rotations(qpos[..., address + 3 : address + 7])
-
-    def _middle(self, name: str, qpos: np.ndarray) -> np.ndarray:
+    def _middle(self, name: str, motions: "_Motions") -> np.ndarray:
         """Where to take hold of an object or joint, in the world in [m], shape (n, t, 3)."""
         if name in self._handles:
-            return self._handles[name].at(qpos)
-        centre, turn = self._place(name, qpos)
+            return self._handles[name].at(motions.qpos)
+        centre, turn = motions.place(name)
         thing = self._twin.get(name)
         if thing is None or thing.handle is None:
             return centre
         return centre + turn @ thing.handle.centre
-
-    def _distance(self, term: RewardTerm, qpos: np.ndarray, palm: np.ndarray) -> np.ndarray:
-        """Residual of a term, never flat before it is met, in [m], shape (n, t, k)."""
-        if term.kind == "set_joint_fraction":
-            return self._handles[term.subject].left(qpos, float(term.value or 0.0))[..., None]
-        if term.kind == "set_obj_z_position":
-            return np.maximum(0.0, float(term.value or 0.0) - self._place(term.subject, qpos)[0][..., 2:])
-        first, second = term.subject, str(term.target)
-        if term.kind == "maximize_l2_distance":
-            return self._too_near(term, first, second, qpos, palm)
-        if first in self._start and second in self._start:
-            return self._beside(self._start[first], self._start[second], qpos)
-        if first in self._start:
-            first, second = second, first
-        if second not in self._start:
-            return palm - self._rest_palm
-        centre, turn = self._place(second, qpos)
-        if first == REST_POSITION:
-            return centre - self._rest_palm
-        local = np.einsum("ntji,ntj->nti", np.broadcast_to(turn, (*palm.shape[:2], 3, 3)), palm - centre)
-        return np.maximum(np.abs(local) - np.asarray(self._start[second].extents) / 2, 0.0)
-
-    def _too_near(self, term: RewardTerm, first: str, second: str, qpos: np.ndarray, palm: np.ndarray) -> np.ndarray:
-        """What is missing of a distance; objects must also lie on the support, and others count as they stood."""
-        points = {PALM: palm, REST_POSITION: self._rest_palm[None, None]}
-        wanted = float(term.value or 0.0)
-        if first not in self._start:
-            other = points[second] if second in points else self._place(second, qpos)[0]
-            return np.maximum(0.0, wanted - np.linalg.norm(points[first] - other, axis=-1))[..., None]
-        centre, turn = self._place(first, qpos)
-        other = points[second] if second in points else self._start[second].position[None, None]
-        missing = np.maximum(0.0, wanted - np.linalg.norm((centre - other)[..., :2], axis=-1))
-        off = centre[..., 2] - _half_height(self._start[first], turn) - self._twin.support_height
-        return np.stack([missing, off], axis=-1)
-
-    def _beside(self, a: PosedObject, b: PosedObject, qpos: np.ndarray) -> np.ndarray:
-        """Vector in [m] from an object's centre to its place on or in another one."""
-        centre, turn = self._place(a.name, qpos)
-        half = _half_height(a, turn)
-        there, there_turn = self._place(b.name, qpos)
-        if b.inside is not None:
-            return _to_inside(centre, half, there, there_turn, b.inside)
-        height = _half_height(b, there_turn)
-        rest = there[..., 2] - height + b.inner_floor if b.container else there[..., 2] + height
-        goal = np.stack(np.broadcast_arrays(there[..., 0], there[..., 1], rest + half), axis=-1)
-        return centre - goal
 
     def _side_effects(self, qpos: np.ndarray) -> np.ndarray:
         total = np.zeros(qpos.shape[:2])
@@ -202,6 +151,41 @@ class RunningCost:
             if name not in self._spec.names:
                 total += self._smooth(path.at(qpos) - path.centre)
         return total
+
+
+@dataclass(frozen=True)
+class _Motions:
+    """What terms may ask of the motions that are costed (`control.tasks.terms.views.SampledMotions`).
+
+    Attributes:
+        qpos: Configurations of the twin's model, shape (n, t, nq).
+        palm: Tool centre points in the world in [m], shape (n, t, 3).
+        rest_palm: Tool centre point in the rest configuration in [m], shape (3,).
+        support_height: Height of the table top in [m].
+        start: The twin's objects before the motions, by name.
+        free: Where each object's pose stands in qpos, None for a fixed one, by name.
+        handles: Where each joint's handle is, by name.
+    """
+
+    qpos: np.ndarray
+    palm: np.ndarray
+    rest_palm: np.ndarray
+    support_height: float
+    start: Mapping[str, PosedObject]
+    free: Mapping[str, int | None]
+    handles: Mapping[str, "_HandlePath"]
+
+    def place(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (n, t, 3) in [m] and rotations (n, t, 3, 3) of an object; one of each where it is fixed."""
+        address = self.free[name]
+        if address is None:
+            pose = self.start[name].pose
+            return pose[None, None, :3, 3], pose[None, None, :3, :3]
+        return self.qpos[..., address : address + 3], _rotations(self.qpos[..., address + 3 : address + 7])
+
+    def handle_way(self, joint: str, fraction: float) -> np.ndarray:
+        """Way in [m] that a joint's handle has still to go to a fraction of its range, shape (n, t)."""
+        return self.handles[joint].left(self.qpos, fraction)
 
 
 @dataclass(frozen=True)
@@ -244,25 +228,6 @@ class _HandlePath:
         if self.joint.kind == "hinge":
             lever = float(np.linalg.norm(np.cross(self.axis, self.centre - self.anchor)))
         return lever * np.abs(qpos[..., self.column] - self.joint.position(fraction))
-
-
-def _half_height(thing: PosedObject, turn: np.ndarray) -> np.ndarray:
-    """`PosedObject.half_height` in [m] for many rotations: (n, t, 3, 3) → (n, t)."""
-    half, up = np.asarray(thing.extents) / 2, turn[..., 2, :]
-    if thing.shape == "sphere":
-        return np.full(up.shape[:2], half.max())
-    if thing.shape == "cylinder":
-        flat = np.sqrt(np.maximum(0.0, 1.0 - up[..., 2] ** 2))
-        return np.abs(up[..., 2]) * half[2] + flat * max(half[0], half[1])
-    return np.abs(up) @ half
-
-
-def _to_inside(centre: np.ndarray, half: np.ndarray, there: np.ndarray, turn: np.ndarray, inside: Inside) -> np.ndarray:
-    """Vector in [m] from a centre to the nearest place on the floor of furniture's inside, in the furniture's axes."""
-    local = np.einsum("ntji,ntj->nti", np.broadcast_to(turn, (*centre.shape[:2], 3, 3)), centre - there)
-    nearest = np.clip(local, inside.low, inside.high)
-    nearest[..., 2] = inside.low[2] + half
-    return local - nearest
 
 
 def _rotations(quat: np.ndarray) -> np.ndarray:

@@ -135,7 +135,7 @@ def _lost_at(context: PlanningContext, subject: str) -> str:
             f"'{subject}' cannot be taken: all {counts['grasps_reachable']} reachable grasps come too close to {near}"
         )
     if task.manipulation == "lift" and counts["pairs"]:
-        return f"'{subject}' can be taken, but from none of {counts['pairs']} holds raised to {task.term.value:.2f} m"
+        return f"'{subject}' can be taken, but from none of {counts['pairs']} holds raised to {task.amount:.2f} m"
     if context.driven_to is not None:
         return (
             f"{subject} can be driven to {context.driven_to:.0%} at most: no hold of its handle, nor two one after the "

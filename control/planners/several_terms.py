@@ -119,10 +119,10 @@ def after(twin: TwinModel, plan: MotionPlan) -> TwinModel:
 
 def _handled(term: RewardTerm) -> str | None:
     """The object or joint that a term is about: what would have to be handled to meet it."""
-    return term.carries or (term.subject if term.kind != "maximize_l2_distance" else None)
+    return term.definition.handles(term)
 
 
 def _leads_to(palm: RewardTerm, term: RewardTerm) -> bool:
     """Whether a term about the palm is meant for the way to what another term handles."""
-    other = palm.target if palm.subject == PALM else palm.subject
-    return PALM in (palm.subject, palm.target) and palm.kind == "minimize_l2_distance" and other == _handled(term)
+    goes_to = palm.definition.approaches(palm)
+    return goes_to is not None and goes_to == _handled(term)

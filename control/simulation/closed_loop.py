@@ -11,9 +11,10 @@ from control.robot.limits import REST_Q, panda_limits
 from control.simulation.batches import Observer, SimulatedBatch, simulate
 from control.simulation.executed_motion import MotionPiece, contact_at, geom_names
 from control.simulation.rollouts import Commands, commands_for, controls_for, roll_out
-from control.tasks.predicates import TermJudgement, judge_term
+from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardSpec
 from control.tasks.subtasks import Subtask, palm_at, posed_objects
+from control.tasks.terms.views import TermJudgement
 from control.trajectory.samples import JointPath
 from control.twin_model import FINGER_JOINTS, TCP_SITE, TwinModel
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from control.safety.certificate import CheckResult
 from control.safety.residuals import SafetyResidual, TwinMotion
-from control.tasks.predicates import TermJudgement, judge_term
+from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import PALM, RewardSpec, RewardTerm
 from control.tasks.subtasks import posed
+from control.tasks.terms.views import TermJudgement
 from control.twin_model import TwinModel
 
 PRIMARY_WEIGHT = 20.0  # per [m], or per range of a joint

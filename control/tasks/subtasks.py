@@ -6,78 +6,40 @@ name of a scene or task enters here.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import mujoco
 import numpy as np
 
 from control.tasks.failure import FailureCause
-from control.tasks.predicates import Inside, PosedObject
-from control.tasks.reward_spec import PALM, REST_POSITION, RewardSpec, RewardTerm
+from control.tasks.posed_object import Inside, PosedObject
+from control.tasks.reward_spec import RewardSpec, RewardTerm
+from control.tasks.terms.definition import HandTask
 from control.twin_model import ARM_JOINTS, TCP_SITE, TwinModel
-
-Manipulation = Literal["reach", "rest", "retreat", "place", "away", "lift", "bring", "drive", "turn"]
 
 
 @dataclass(frozen=True)
-class Subtask:
+class Subtask(HandTask):
     """A spec made concrete.
 
     Attributes:
-        manipulation: `reach` the palm near an object; `rest` the palm at its rest position; `retreat` the palm away
-            from something; `place` an object on or in another; `away` an object put down far from something; `lift` an
-            object held up; `bring` an object held at the rest position; `drive` a joint to a fraction by its handle;
-            `turn` an object over and put it down near where it stood.
-        subject: The object or joint that is handled, or None when only the palm moves.
-        target: The other object, "palm" or "rest_position", or None.
         term: The primary term.
     """
 
-    manipulation: Manipulation
-    subject: str | None
-    target: str | None
     term: RewardTerm
-
-    @property
-    def releases(self) -> bool:
-        """Whether the object has to be let go at the end."""
-        return self.manipulation in ("place", "away", "drive", "turn")
-
-    @property
-    def holds(self) -> bool:
-        """Whether the object has to be in the hand at the end."""
-        return self.manipulation in ("lift", "bring")
 
 
 def read_subtask(spec: RewardSpec) -> Subtask:
     """The manipulation that a spec's primary term asks for."""
     term = spec.primary
-    first, second = term.subject, term.target
-    places = (PALM, REST_POSITION)
-    if term.kind == "set_obj_z_position":
-        return Subtask("lift", first, None, term)
-    if term.kind == "set_obj_orientation":
-        return Subtask("turn", first, None, term)
-    if term.kind == "set_joint_fraction":
-        return Subtask("drive", first, None, term)
-    if term.kind == "maximize_l2_distance":
-        if first in places:
-            return Subtask("retreat", None, second if first == PALM else first, term)
-        return Subtask("away", first, second, term)
-    if first in places and second in places:
-        return Subtask("rest", None, REST_POSITION, term)
-    if PALM in (first, second):
-        return Subtask("reach", None, second if first == PALM else first, term)
-    if REST_POSITION in (first, second):
-        return Subtask("bring", second if first == REST_POSITION else first, REST_POSITION, term)
-    return Subtask("place", first, second, term)
+    task = term.definition.asks_of_hand(term)
+    return Subtask(task.manipulation, task.subject, task.target, task.amount, term)
 
 
 def unseen(twin: TwinModel, spec: RewardSpec) -> FailureCause | None:
     """The first name of a spec that the twin does not have, as a `not_seen` cause that lists what was seen; or None."""
     for term in spec.terms:
         for name in term.names:
-            if term.kind == "set_joint_fraction":
+            if name in term.joints:
                 if twin.joint(name) is None:
                     known = sorted(j.name for j in twin.joints)
                     return FailureCause("not_seen", name, f"no joint named '{name}' was seen; seen were {known}")

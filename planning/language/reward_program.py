@@ -7,41 +7,21 @@ its reason; the caller logs every drop.
 """
 
 import ast
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from control.errors import RewardSpecError
-from control.tasks.reward_spec import PALM, REST_POSITION, RewardSpec, RewardTerm, TermKind
+from control.tasks.reward_spec import RewardSpec, RewardTerm
+from control.tasks.terms.definition import PLACES, TermDefinition
+from control.tasks.terms.registry import TERMS
+from control.tasks.terms.vocabulary import Vocabulary
 from planning.language.answers import MalformedAnswerError, parse_code_block
 
 MAX_PROGRAM = 4000  # characters; a dozen calls need under 1000
 MAX_CALLS = 20
 
 
-@dataclass(frozen=True)
-class _Signature:
-    """Of one reward call: its term, how many names and what number with which bounds and default."""
-
-    kind: TermKind
-    names: tuple[str, ...]
-    number: str | None = None
-    default: float | None = None
-    low: float = 0.0
-    high: float = 0.0
-
-
-VOCABULARY: dict[str, _Signature] = {
-    "minimize_l2_distance_reward": _Signature("minimize_l2_distance", ("a", "b")),
-    "maximize_l2_distance_reward": _Signature("maximize_l2_distance", ("a", "b"), "distance", 0.5, 0.01, 2.0),
-    "set_joint_fraction_reward": _Signature("set_joint_fraction", ("joint",), "fraction", None, 0.0, 1.0),
-    "set_obj_z_position_reward": _Signature("set_obj_z_position", ("obj",), "z", None, 0.0, 2.0),
-    "set_obj_orientation_reward": _Signature(
-        "set_obj_orientation", ("obj",), "x_axis_rotation_radians", None, -2 * math.pi, 2 * math.pi
-    ),
-}
 RESET, EXECUTE = "reset_reward", "execute_plan"
-_CALLS = (RESET, *VOCABULARY, EXECUTE)
 
 
 @dataclass(frozen=True)
@@ -80,22 +60,27 @@ class RewardProgram:
     duration: float
 
 
-def parse_reward_answer(text: str, objects: Collection[str], joints: Collection[str]) -> RewardProgram:
+def parse_reward_answer(
+    text: str, objects: Collection[str], joints: Collection[str], vocabulary: Vocabulary = TERMS
+) -> RewardProgram:
     """The program in an answer's code block.
 
     Raises:
         MalformedAnswerError: See `parse_reward_program`, or there is not exactly one code block.
     """
-    return parse_reward_program(parse_code_block(text), objects, joints)
+    return parse_reward_program(parse_code_block(text), objects, joints, vocabulary)
 
 
-def parse_reward_program(program: str, objects: Collection[str], joints: Collection[str]) -> RewardProgram:
+def parse_reward_program(
+    program: str, objects: Collection[str], joints: Collection[str], vocabulary: Vocabulary = TERMS
+) -> RewardProgram:
     """Read a program.
 
     Args:
         program: Its text.
         objects: Names of the scene; "palm" and "rest_position" may be used besides.
         joints: Names of joints of furniture.
+        vocabulary: The terms whose calls it may make.
 
     Raises:
         MalformedAnswerError: A construct beyond plain calls of the vocabulary, execute_plan not exactly once at the
@@ -113,7 +98,8 @@ def parse_reward_program(program: str, objects: Collection[str], joints: Collect
         ) from None
     if len(tree.body) > MAX_CALLS:
         raise MalformedAnswerError(f"the program has {len(tree.body)} calls; at most {MAX_CALLS} are allowed")
-    calls = [_as_call(statement) for statement in tree.body]
+    known = vocabulary.calls
+    calls = [_as_call(statement, (RESET, *known, EXECUTE)) for statement in tree.body]
     names = [name for name, _ in calls]
     if names.count(EXECUTE) != 1 or names[-1] != EXECUTE:
         raise MalformedAnswerError(f"{EXECUTE}() must be called exactly once, as the last call")
@@ -129,7 +115,7 @@ def parse_reward_program(program: str, objects: Collection[str], joints: Collect
                 kept = []
             continue
         text = ast.unparse(node)
-        read = _read_term(VOCABULARY[name], name, node, frozenset(objects), frozenset(joints))
+        read = _read_term(known[name], vocabulary, node, frozenset(objects), frozenset(joints))
         if isinstance(read, str):
             drops.append(Drop(text, read))
         elif any(replace(c.term, primary=False) == replace(read, primary=False) for c in kept):
@@ -147,7 +133,7 @@ def build_spec(calls: Sequence[RewardCall], primary: int) -> RewardSpec:
     return RewardSpec(tuple(replace(c.term, primary=k == primary) for k, c in enumerate(calls)))
 
 
-def _as_call(statement: ast.stmt) -> tuple[str, ast.Call]:
+def _as_call(statement: ast.stmt, known: tuple[str, ...]) -> tuple[str, ast.Call]:
     where = f"line {statement.lineno}"
     if not isinstance(statement, ast.Expr):
         raise MalformedAnswerError(f"{where}: {_construct(statement)} is not allowed; write one plain call a line")
@@ -156,8 +142,8 @@ def _as_call(statement: ast.stmt) -> tuple[str, ast.Call]:
         raise MalformedAnswerError(f"{where}: {_construct(node)} is not allowed; write one plain call a line")
     if not isinstance(node.func, ast.Name):
         raise MalformedAnswerError(f"{where}: {_construct(node.func)} is not allowed; call the given names only")
-    if node.func.id not in _CALLS:
-        raise MalformedAnswerError(f"{where}: there is no call '{node.func.id}'; there are {', '.join(_CALLS)}")
+    if node.func.id not in known:
+        raise MalformedAnswerError(f"{where}: there is no call '{node.func.id}'; there are {', '.join(known)}")
     for value in (*node.args, *(k.value for k in node.keywords)):
         if _literal(value) is _NOT_LITERAL:
             raise MalformedAnswerError(
@@ -212,10 +198,15 @@ def _execute_duration(node: ast.Call) -> float:
 
 
 def _read_term(
-    signature: _Signature, name: str, node: ast.Call, objects: frozenset[str], joints: frozenset[str]
+    definition: TermDefinition,
+    vocabulary: Vocabulary,
+    node: ast.Call,
+    objects: frozenset[str],
+    joints: frozenset[str],
 ) -> RewardTerm | str:
     """The term of one call, or why it cannot be used."""
-    order = (*signature.names, *((signature.number,) if signature.number else ()))
+    name, wanted = definition.call, definition.number
+    order = (*(a.name for a in definition.names), *((wanted.name,) if wanted else ()))
     if len(node.args) > len(order):
         return f"{name} takes {', '.join(order)}"
     given = {order[k]: _literal(v) for k, v in enumerate(node.args)}
@@ -228,26 +219,25 @@ def _read_term(
     primary = given.pop("primary_reward", False)
     if not isinstance(primary, bool):
         return f"primary_reward is True or False, not {primary!r}"
-    valid = joints if signature.kind == "set_joint_fraction" else objects
-    what = "joint" if signature.kind == "set_joint_fraction" else "object"
     words: list[str] = []
-    for key in signature.names:
-        value = given.get(key)
+    for argument in definition.names:
+        value = given.get(argument.name)
         if not isinstance(value, str):
-            return f"{key} must be a name"
-        special = signature.kind.endswith("l2_distance") and value in (PALM, REST_POSITION)
-        if value not in valid and not special:
-            return f"there is no {what} '{value}'; there are {sorted(valid) or 'none'}"
+            return f"{argument.name} must be a name"
+        valid = joints if argument.kind == "joint" else objects
+        if value not in valid and not (argument.kind == "place" and value in PLACES):
+            return f"there is no {argument.what} '{value}'; there are {sorted(valid) or 'none'}"
         words.append(value)
     number: float | None = None
-    if signature.number:
-        value = given.get(signature.number, signature.default)
+    if wanted:
+        value = given.get(wanted.name, wanted.default)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            return f"{signature.number} must be a number"
-        if not signature.low <= value <= signature.high:
-            return f"{signature.number} must be between {signature.low:g} and {signature.high:g}, not {str(value)[:20]}"
+            return f"{wanted.name} must be a number"
+        if not wanted.low <= value <= wanted.high:
+            return f"{wanted.name} must be between {wanted.low:g} and {wanted.high:g}, not {str(value)[:20]}"
         number = float(value)
     try:
-        return RewardTerm(signature.kind, words[0], words[1] if len(words) > 1 else None, number, primary)
+        target = words[1] if len(words) > 1 else None
+        return RewardTerm(definition.name, words[0], target, number, primary, vocabulary)
     except RewardSpecError as error:
         return str(error)

@@ -15,7 +15,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from control.tasks.predicates import FRACTION_TOLERANCE
+from control.tasks.terms.joint_fraction import FRACTION_TOLERANCE
 from perception.estimates import ObjectEstimate, SceneEstimate
 from planning.language.answers import parse_question_type, parse_questions, parse_sentence, parse_yes_no
 from planning.language.furnishings import KnownFurniture, KnownJoint

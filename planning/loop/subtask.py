@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from control.errors import ReasonerError
 from control.tasks.reward_spec import RewardSpec
+from control.tasks.terms.registry import TERMS
 from planning.language.answers import parse_description, parse_yes_no
 from planning.language.reward_program import parse_reward_answer
 from planning.loop.verifier import Checker, UnservedLineError
@@ -60,6 +61,7 @@ def _program(action: str, scope: Scope, lines: Sequence, relocates: bool, asker:
     fields = {
         "objects": scope.objects,
         "joints": scope.joints,
+        "calls": TERMS.prompt_lines,
         "action": action,
         "description": [str(line) for line in lines],
     }

@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from control.tasks.predicates import Inside, PosedObject, TermJudgement, judge_term
+from control.tasks.posed_object import Inside, PosedObject
+from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardTerm
+from control.tasks.terms.views import TermJudgement
 from perception.estimates import ObjectEstimate, SceneEstimate
 from sim_check.cells.furniture_config import FurnitureConfig
 from sim_check.furniture.build import furniture_model

@@ -61,7 +61,7 @@ def diagnose(
     thought = _Thought(twin, spec, safety, int(rng.integers(2**32)), arm, nthread)
     task = read_subtask(spec)
     joint = twin.joint(str(task.subject)) if task.manipulation == "drive" else None
-    pushed = None if joint is None else blame(twin, joint, float(task.term.value or 0.0))
+    pushed = None if joint is None else blame(twin, joint, task.amount)
     if joint is not None and pushed is not None and pushed.bodies:
         return _joint_blocked(joint.name, pushed, failure)
     if failure is None:

@@ -5,6 +5,7 @@ import inspect
 import pytest
 
 from control.errors import ReasonerError
+from control.tasks.terms.registry import TERMS
 from planning.builtin import perceiver, planner, plans, reasoner, situation, verifier
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.language import answers
@@ -13,6 +14,7 @@ from planning.language.reward_program import parse_reward_answer
 from prompts.contracts import CONTRACTS
 
 OBJECTS = ("red_cube", "yellow_cube", "crate")
+CALLS = TERMS.prompt_lines
 FACTS = (
     "red_cube: box of 50 x 50 x 50 mm, centre at x 0.400, y 0.200, z 0.025 m",
     "yellow_cube: box of 50 x 50 x 50 mm, centre at x 0.500, y 0.000, z 0.105 m",
@@ -118,7 +120,7 @@ def test_actions_become_descriptions_become_programs(action, lines, primary):
     text = ask("motion_description", relocates=relocates, **fields)
     description = [str(x) for x in answers.parse_description(text, OBJECTS, (), relocates)]
     assert description == ["palm is close to red_cube", *lines]
-    code = ask("reward_program", objects=OBJECTS, joints=(), action=action, description=description)
+    code = ask("reward_program", calls=CALLS, objects=OBJECTS, joints=(), action=action, description=description)
     program = parse_reward_answer(code, OBJECTS, ())
     for number, call in enumerate(program.calls, 1):
         assert ask("verify_reward", description=description, call=call.text) == f"<step>{number}</step>"
@@ -134,7 +136,14 @@ def test_a_door_that_is_to_be_opened_in_part_is_described_and_rewarded_so():
     text = ask("motion_description", relocates=False, **fields)
     description = [str(x) for x in answers.parse_description(text, objects, joints, False)]
     assert description == ["palm is close to cabinet", "cabinet_door is 81 % open"]
-    code = ask("reward_program", objects=objects, joints=joints, action=action, description=description)
+    code = ask(
+        "reward_program",
+        calls=CALLS,
+        objects=objects,
+        joints=joints,
+        action=action,
+        description=description,
+    )
     assert parse_reward_answer(code, objects, joints).calls[-1].term.value == 0.81
     call = "set_joint_fraction_reward(cabinet_door, {})"
     assert ask("verify_reward", description=description, call=call.format("0.81")) == "<step>2</step>"

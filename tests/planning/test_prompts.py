@@ -22,6 +22,7 @@ FIELDS = {
     "observations": ("Is it there? Yes.",),
     "relocates": True,
     "description": ("palm is close to red_cube",),
+    "calls": ("minimize_l2_distance_reward(a, b)\n    brings a and b together",),
     "call": "minimize_l2_distance_reward(palm, red_cube)",
     "measured": ("No motion was found.",),
     "phrasing": 1,

@@ -13,7 +13,8 @@ from control.robot.dynamics import RobotModel
 from control.robot.limits import panda_limits
 from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
-from control.tasks.predicates import Inside, PosedObject, judge_term
+from control.tasks.posed_object import Inside, PosedObject
+from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardTerm
 from control.tasks.subtasks import posed_objects
 from sim_check.twin.payloads import held_payloads

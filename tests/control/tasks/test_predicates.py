@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from control.errors import UnknownObjectError
 from control.robot.rotations import rotation_exp
-from control.tasks.predicates import PosedObject, judge_term
+from control.tasks.posed_object import PosedObject
+from control.tasks.predicates import judge_term
 from control.tasks.reward_spec import RewardTerm
 
 PALM, REST = np.array([0.3, 0.0, 0.5]), np.array([0.307, 0.0, 0.48])

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 from control.errors import UnknownObjectError
 from control.tasks.failure import FailureCause
-from control.tasks.predicates import TermJudgement
 from control.tasks.reward_spec import RewardSpec, RewardTerm
+from control.tasks.terms.views import TermJudgement
 from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from planning.baselines.rehearsal import Rehearsal
 from planning.language.furnishings import Front, JointRole, KnownFurniture, KnownJoint

@@ -10,8 +10,8 @@ import numpy as np
 
 from control.errors import UnknownObjectError
 from control.tasks.failure import FailureCause
-from control.tasks.predicates import TermJudgement
 from control.tasks.reward_spec import PALM, REST_POSITION, RewardSpec, RewardTerm
+from control.tasks.terms.views import TermJudgement
 from perception.errors import UnknownPhraseError
 from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from planning.loop.interfaces import AttemptResult
