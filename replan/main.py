@@ -6,6 +6,7 @@ from replan.console import Console
 from replan_base.errors import ForeignPackageError, ReplanError
 from replan_base.interruption import raise_on_signals
 from replan_base.packages import require_own_packages
+from replan_base.parts import missing_parts_named
 
 
 def main() -> None:
@@ -44,7 +45,8 @@ def _run(command) -> int:
 
     console = Console(json=command.json)
     try:
-        return command.execute(console)
+        with missing_parts_named():
+            return command.execute(console)
     except ReplanError as error:
         console.fail(error)
         return exit_code(error)

@@ -3,6 +3,7 @@
 import os
 
 from control.errors import MachineError
+from replan_base.parts import install_part
 
 
 def require_mujoco() -> None:
@@ -14,7 +15,7 @@ def require_mujoco() -> None:
     try:
         import mujoco  # noqa: F401
     except ModuleNotFoundError as error:
-        raise MachineError(f"{error.name} is not installed in this environment; run: make setup") from error
+        raise MachineError(f"{error.name} is not installed in this environment; run: {install_part('twin')}") from error
     except Exception as error:  # PyOpenGL fails in many ways when a library is absent, AttributeError among them
         wanted = os.environ.get("MUJOCO_GL", "")
         asked = f"MUJOCO_GL={wanted} does not load here" if wanted else "MuJoCo's rendering does not load here"

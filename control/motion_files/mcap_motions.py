@@ -22,6 +22,7 @@ from control.errors import MotionFileError
 from control.motion_files.contents import MAX_DURATION, MAX_ROWS, MotionFile, checked
 from control.motion_files.csv_motions import width_of_fingers
 from control.motion_files.joint_names import VALID_JOINTS, find_joints, is_joint, shortened
+from replan_base.parts import install_part
 
 if TYPE_CHECKING:
     from mcap.reader import SeekingReader
@@ -88,8 +89,7 @@ def _opened(path: Path) -> "Iterator[SeekingReader]":
         from mcap.reader import SeekingReader  # here, so that nobody needs it for other formats
     except ModuleNotFoundError as error:
         raise MotionFileError(
-            f"'{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
-            "(in a checkout: make setup)"
+            f"'{path}' needs the package {error.name}, which is not installed; run: {install_part('twin')}"
         ) from error
     with path.open("rb") as file:
         start = file.read(len(MAGIC))

@@ -20,7 +20,7 @@ def panda_description() -> Path:
     for file in files:
         if file.name == "panda.urdf":
             return Path(str(file.locate())).resolve().parents[1]
-    raise ConfigError("the Panda's URDF was not found; install example-robot-data (`make setup` does)")
+    raise ConfigError("the Panda's URDF was not found; install example-robot-data, which comes with this program")
 
 
 def panda_urdf() -> Path:

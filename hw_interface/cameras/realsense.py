@@ -13,10 +13,11 @@ from control.errors import ConfigError, MachineError
 from hw_interface.cameras.source import NO_POSE, CameraFailedError, Shot
 from hw_interface.cameras.straightening import Straightening
 from perception.frames import CameraIntrinsics, RgbdFrame
+from replan_base.parts import install_part
 
 TIMEOUT_MS = 2000  # [ms] for one picture
 LARGEST_ERROR = 0.5  # [px] of a straightened picture
-INSTALL = "the package pyrealsense2 is not installed here; install it with: pip install pyrealsense2"
+INSTALL = f"the package pyrealsense2 is not installed here; run: {install_part('cameras')}"
 
 
 class RealSenseSource:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from control.errors import ConfigError, MachineError
 from hw_interface.link.security import LISTENING_ROLES, ROLES, LinkSecurity, Role, as_yaml
+from replan_base.parts import install_part
 
 CA_FILE, CA_KEY_FILE = "ca.pem", "ca-key.pem"
 CLOCK_SLACK = datetime.timedelta(hours=1)  # certificates hold from a little before now: clocks differ
@@ -38,7 +39,7 @@ def _require_cryptography() -> None:
     try:
         import cryptography  # noqa: F401
     except ImportError:
-        raise MachineError("the package cryptography is not installed; run: make setup, or make setup-robot") from None
+        raise MachineError(f"the package cryptography is not installed; run: {install_part('security')}") from None
 
 
 def make_keys(folder: Path, hosts: tuple[str, ...], days: int, now: datetime.datetime) -> tuple[Path, ...]:

@@ -8,6 +8,7 @@ from control.errors import MachineError
 from control.robot.gripper import GripperModel
 from control.trajectory.samples import GripperCommand
 from hw_interface.panda.hand import HandReading
+from replan_base.parts import install_part
 
 SPEED = 0.1  # [m/s] between the pads; Franka Hand, product manual: travel speed 50 mm/s a finger
 PATIENCE = 2.5  # [s] without a state after which the gripper is taken to be gone
@@ -75,10 +76,12 @@ def connect_hand(address: str, model: GripperModel) -> FrankaHand:
     """The hand at a control box.
 
     Raises:
-        MachineError: There is none, or it was not homed.
+        MachineError: There is none, it was not homed, or panda-python is not installed.
     """
-    from panda_py import libfranka
-
+    try:
+        from panda_py import libfranka
+    except ModuleNotFoundError as error:
+        raise MachineError(f"a Franka Hand needs panda-python 1.1.1; run: {install_part('panda')}") from error
     try:
         hand = libfranka.Gripper(address)
         state = hand.read_once()

@@ -36,6 +36,7 @@ from hw_interface.panda.link import (
 )
 from hw_interface.panda.parts import Part, parts_of
 from hw_interface.panda.scheduling import in_own_scheduling, kernel_is_real_time, real_time_trouble
+from replan_base.parts import install_part
 
 LOG = logging.getLogger(__name__)
 TRACKED = 5e-3  # [rad]; a motion begins only where the arm is really held this near to its set point
@@ -306,8 +307,8 @@ def connect(address: str, realtime: str, log_size: int = 50) -> tuple[Any, Any]:
         from panda_py import libfranka
     except ImportError as error:
         raise MachineError(
-            "a real Panda needs panda-python 1.1.1 (libfranka 0.9.2), which is not installed; install the extra "
-            "'panda': make setup"
+            "a real Panda needs panda-python 1.1.1 (libfranka 0.9.2), which is not installed; run: "
+            + install_part("panda")
         ) from error
     enforce = realtime == "enforce" or (realtime == "auto" and kernel_is_real_time())
     if enforce and (trouble := real_time_trouble()) is not None:

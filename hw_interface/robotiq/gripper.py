@@ -10,6 +10,7 @@ from control.trajectory.samples import GripperCommand
 from hw_interface.panda.hand import HandReading
 from hw_interface.robotiq import registers
 from hw_interface.robotiq.registers import Calibration, Status
+from replan_base.parts import install_part
 
 TIMEOUT = 0.2  # [s] for one answer
 SILENT = 0.5  # [s] without an answer after which the gripper is taken to be gone
@@ -206,7 +207,9 @@ def connect_robotiq(where: str, activate: bool, calibration: Calibration | None 
         from pymodbus import FramerType
         from pymodbus.client import ModbusSerialClient, ModbusTcpClient
     except ImportError as error:
-        raise MachineError("a Robotiq gripper needs the packages pymodbus and pyserial; run make setup") from error
+        raise MachineError(
+            f"a Robotiq gripper needs the packages pymodbus and pyserial; run: {install_part('robotiq')}"
+        ) from error
     if kind == "rtu" and rest:
         client: Any = ModbusSerialClient(
             rest, framer=FramerType.RTU, baudrate=registers.BAUD_RATE, timeout=TIMEOUT, retries=0

@@ -6,6 +6,7 @@ import sys
 from typing import Any, Literal
 
 from perception.errors import ModelUnavailableError
+from replan_base.parts import install_part
 
 Precision = Literal["auto", "half", "single"]
 
@@ -67,5 +68,5 @@ def load_package(name: str) -> Any:
     except ImportError as error:
         raise ModelUnavailableError(
             f"learned detectors and segmenters need the package '{name}', which is not installed; install it with: "
-            "make setup"
+            + install_part("perception")
         ) from error

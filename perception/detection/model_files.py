@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from perception.errors import ModelUnavailableError
+from replan_base.parts import install_part
 
 # One of these holds the weights: a single file, or the list of several.
 WEIGHT_FILES = ("model.safetensors", "model.safetensors.index.json")
@@ -131,7 +132,7 @@ def _fetch(model: str, role: Role) -> Path:
     if importlib.util.find_spec("huggingface_hub") is None:
         raise ModelUnavailableError(
             "models from the hub need the package 'huggingface_hub', which is not installed; install it with: "
-            "make setup"
+            + install_part("perception")
         )
     from huggingface_hub import snapshot_download
     from huggingface_hub.errors import RepositoryNotFoundError

@@ -13,6 +13,7 @@ from typing import Any
 
 from perception.errors import FrameError
 from perception.recordings.base import Skipped
+from replan_base.parts import install_part
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = 9  # bytes in front of each record: what it is, and its length
@@ -56,8 +57,7 @@ class McapStream:
             from mcap.reader import SeekingReader  # here, so that nobody needs it for other formats
         except ModuleNotFoundError as error:
             raise FrameError(
-                f"'{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
-                "(in a checkout: make setup)"
+                f"'{path}' needs the package {error.name}, which is not installed; run: {install_part('twin')}"
             ) from error
         self._path = path
         self._size = path.stat().st_size

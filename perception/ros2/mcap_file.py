@@ -5,6 +5,7 @@ from types import TracebackType
 
 from perception.errors import MissingPackageError
 from perception.ros2.messages import definition, message_types
+from replan_base.parts import install_part
 
 CHUNK = 4 * 1024 * 1024  # bytes; a reader holds one chunk
 
@@ -27,8 +28,7 @@ class Ros2McapFile:
             from mcap.writer import CompressionType, Writer  # here, so that reading other formats needs no mcap
         except ModuleNotFoundError as error:
             raise MissingPackageError(
-                f"writing '{path}' needs the package {error.name}, which is not installed; install the extra 'twin' "
-                "(in a checkout: make setup)"
+                f"writing '{path}' needs the package {error.name}, which is not installed; run: " + install_part("twin")
             ) from error
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from perception.errors import MissingPackageError
+from replan_base.parts import install_part
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -38,8 +39,7 @@ def message_types() -> "Typestore":
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
         raise MissingPackageError(
-            f"messages of ROS 2 need the package {error.name}, which is not installed; install the extra 'ros2' "
-            "(in a checkout: make setup, or make setup-robot)"
+            f"messages of ROS 2 need the package {error.name}, which is not installed; run: " + install_part("ros2")
         ) from error
     return get_typestore(Stores.ROS2_JAZZY)
 

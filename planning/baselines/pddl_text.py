@@ -6,6 +6,7 @@ from typing import Any
 
 from control.errors import MachineError
 from planning.baselines.strips import Fact, SymbolicProblem
+from replan_base.parts import install_part
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def write_pddl(symbols: SymbolicProblem, name: str) -> PddlText:
     except ModuleNotFoundError as error:
         raise MachineError(
             f"the method 'pddl' needs the package {error.name}, which is not installed; "
-            "install the extra 'baselines' (pip install .[baselines])"
+            f"run: {install_part('baselines')}"
         ) from error
     writer = PDDLWriter(_unified(symbols, name))
     domain, problem = writer.get_domain(), writer.get_problem()

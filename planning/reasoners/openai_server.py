@@ -18,6 +18,7 @@ from planning.reasoners.reasoner import AnswerUsage, Log
 from planning.reasoners.server_options import EXAMPLE_URLS, ServerOptions
 from planning.reasoners.structured_answers import as_answer, object_hint, response_format
 from prompts.contracts import contract as contract_of
+from replan_base.parts import install_part
 
 if TYPE_CHECKING:
     from openai.types.chat import ChatCompletion
@@ -52,7 +53,8 @@ class OpenAIReasoner:
             import openai
         except ImportError:
             raise ReasonerError(
-                "language servers need the package 'openai', which is not installed; install it with: make setup"
+                "language servers need the package 'openai', which is not installed; install it with: "
+                + install_part("models")
             ) from None
         self._openai = openai
         self.options = options

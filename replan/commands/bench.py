@@ -37,8 +37,10 @@ class BenchGoals:
 
     def execute(self, console: Console) -> int:
         """Run the benchmark."""
+        from replan.rendering import require_mujoco
         from replan.run.benchmark import bench_goals
 
+        require_mujoco()  # else every run would be counted as failed
         report = bench_goals(
             self.runs, self.goals, self.speed, self.runs_dir, console.note, self.detector, self.segmenter
         )
@@ -48,7 +50,7 @@ class BenchGoals:
 
 def _call(module: str, *arguments: str) -> int:
     """Run a script of `benchmarks` in a process of its own; returns its exit code."""
-    return subprocess.call(python_module(module, *arguments))
+    return subprocess.call(python_module("replan_base.script", module, *arguments))
 
 
 @dataclass(frozen=True)

@@ -6,29 +6,32 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from replan_base.parts import install_part
+
 if TYPE_CHECKING:
     from hw_interface.messages.cameras import CameraHealth
 
+# Use and part of each package; no part: it comes with the program itself.
 PACKAGES = {
-    "mujoco": "twin and simulated cell",
-    "pin": "robot dynamics",
-    "toppra": "retiming",
-    "eclipse-zenoh": "transport",
-    "opencv-python-headless": "embedded detector and masks",
-    "open3d": "point clouds",
-    "torch": "learned models",
-    "transformers": "GroundingDINO and SAM",
-    "example-robot-data": "the Panda's description",
+    "mujoco": ("twin and simulated cell", "twin"),
+    "pin": ("robot dynamics", None),
+    "toppra": ("retiming", "twin"),
+    "eclipse-zenoh": ("transport", None),
+    "opencv-python-headless": ("embedded detector and masks", "twin"),
+    "open3d": ("point clouds", "perception"),
+    "torch": ("learned models", "perception"),
+    "transformers": ("GroundingDINO and SAM", "perception"),
+    "example-robot-data": ("the Panda's description", None),
 }
 ROBOT_PACKAGES = {
-    "pin": "robot dynamics",
-    "eclipse-zenoh": "transport",
-    "example-robot-data": "the Panda's description",
-    "panda-python": "the Panda's control box",
-    "cryptography": "keys of links between machines",
-    "pymodbus": "Robotiq grippers",
-    "pyserial": "Robotiq grippers",
-    "rosbags": "ROS 2 messages",
+    "pin": ("robot dynamics", None),
+    "eclipse-zenoh": ("transport", None),
+    "example-robot-data": ("the Panda's description", None),
+    "panda-python": ("the Panda's control box", "panda"),
+    "cryptography": ("keys of links between machines", "security"),
+    "pymodbus": ("Robotiq grippers", "robotiq"),
+    "pyserial": ("Robotiq grippers", "robotiq"),
+    "rosbags": ("ROS 2 messages", "ros2"),
 }
 NOT_NEEDED = ("torch", "transformers", "cryptography", "pymodbus", "pyserial", "rosbags")
 
@@ -100,7 +103,7 @@ def examine(
     from replan.doctor.reasoners import examine_reasoners
     from replan.doctor.weights import examine_weights
 
-    items = [_package(name, use, "make setup") for name, use in PACKAGES.items()]
+    items = [_package(name, *facts) for name, facts in PACKAGES.items()]
     items.append(_rendering())
     items += [
         Finding("weights", w.name, w.here, w.detail, command=w.command) for w in examine_weights(detector, segmenter)
@@ -116,16 +119,17 @@ def examine_robot_side(robot_endpoint: str, link: Path | None = None) -> Finding
     Args:
         robot_endpoint, link: As in `examine`.
     """
-    items = [_package(name, use, "make setup-robot") for name, use in ROBOT_PACKAGES.items()]
+    items = [_package(name, *facts) for name, facts in ROBOT_PACKAGES.items()]
     return Findings((*items, _real_time(), *_link(link), _robot(robot_endpoint, link)), robot_side=True)
 
 
-def _package(name: str, use: str, setup: str) -> Finding:
+def _package(name: str, use: str, part: str | None) -> Finding:
     needed = name not in NOT_NEEDED
     try:
         return Finding("package", name, True, f"{importlib.metadata.version(name)} ({use})", needed)
     except importlib.metadata.PackageNotFoundError:
-        return Finding("package", name, False, f"not installed ({use}); run: {setup}", needed)
+        how = f"run: {install_part(part)}" if part else "install this program anew (docs/install.md)"
+        return Finding("package", name, False, f"not installed ({use}); {how}", needed)
 
 
 def _rendering() -> Finding:

@@ -5,6 +5,7 @@ import os
 from dataclasses import dataclass
 
 from control.errors import StackError
+from replan_base.parts import install_part
 
 
 @dataclass(frozen=True)
@@ -31,23 +32,25 @@ def examine_reasoners(server: tuple[str, str | None, str] | None) -> list[Backen
     return [
         Backend("builtin", True, "rules, without network; no language model"),
         _openai(server),
-        _packages("transformers", ("torch", "transformers"), "local weights: name them with --reasoner-model"),
+        _packages(
+            "transformers", "perception", ("torch", "transformers"), "local weights: name them with --reasoner-model"
+        ),
         Backend("cassette", True, "recorded answers: name a file with --cassette"),
     ]
 
 
-def _packages(name: str, packages: tuple[str, ...], use: str) -> Backend:
+def _packages(name: str, part: str, packages: tuple[str, ...], use: str) -> Backend:
     versions = []
     for package in packages:
         try:
             versions.append(f"{package} {importlib.metadata.version(package)}")
         except importlib.metadata.PackageNotFoundError:
-            return Backend(name, False, f"the package {package} is not installed; run: make setup")
+            return Backend(name, False, f"the package {package} is not installed; run: {install_part(part)}")
     return Backend(name, True, f"{', '.join(versions)}; {use}")
 
 
 def _openai(server: tuple[str, str | None, str] | None) -> Backend:
-    found = _packages("openai", ("openai",), "no server asked; name one with --reasoner-url")
+    found = _packages("openai", "models", ("openai",), "no server asked; name one with --reasoner-url")
     if server is None or not found.here:
         return found
     from planning.reasoners.openai_server import OpenAIReasoner

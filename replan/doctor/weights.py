@@ -17,6 +17,7 @@ from perception.detection.model_files import (
     size_on_disk,
 )
 from perception.errors import ModelUnavailableError
+from replan_base.parts import install_part
 
 # Published models that perception knows how to load, and what each is for.
 PUBLISHED = {
@@ -85,7 +86,7 @@ def _asked(name: str, role: Role) -> Weights:
 
 def _published(name: str, role: Role) -> Weights:
     if importlib.util.find_spec("huggingface_hub") is None:
-        return Weights(name, False, f"{role.name}; huggingface_hub is not installed; run: make setup")
+        return Weights(name, False, f"{role.name}; huggingface_hub is not installed; run: {install_part('perception')}")
     folder = cached_folder(name)
     if folder is None:
         return Weights(name, False, f"{role.name}, not on this machine", fetch_command(name))

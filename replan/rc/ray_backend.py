@@ -11,6 +11,7 @@ from control.errors import MachineError
 from replan.rc.jobs import Job
 from replan.rc.records import EpisodeRecord
 from replan.rc.runner import Backend, Work
+from replan_base.parts import install_part
 
 
 def ray_backend(ray: Any = None) -> Backend:
@@ -50,9 +51,7 @@ def _connected() -> Any:
     try:
         import ray
     except ModuleNotFoundError as error:
-        raise MachineError(
-            "ray is not installed; run: pip install 'replan[cluster]', or say --backend local"
-        ) from error
+        raise MachineError(f"ray is not installed; run: {install_part('cluster')}, or say --backend local") from error
     if not ray.is_initialized():
         ray.init(log_to_driver=False)
     return ray

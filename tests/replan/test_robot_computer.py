@@ -80,12 +80,12 @@ def test_its_commands_start_there_and_others_say_what_is_missing(tmp_path: Path)
     assert simulated.returncode == 1 and "mujoco is not installed" in simulated.stderr
 
 
-def test_without_the_library_that_encodes_one_line_says_which_extra_to_install():
+def test_without_the_library_that_encodes_one_line_says_what_to_install():
     shown = robot_computer("replan.main", "ros2", "--robot", "tcp/127.0.0.1:9", absent="rosbags")
     assert shown.returncode == 1
     assert shown.stderr.strip().splitlines() == [
-        "replan: messages of ROS 2 need the package rosbags, which is not installed; install the extra 'ros2' "
-        "(in a checkout: make setup, or make setup-robot)"
+        "replan: messages of ROS 2 need the package rosbags, which is not installed; run: make setup, or "
+        "make setup-robot"
     ]
 
 
@@ -99,7 +99,7 @@ def test_without_the_library_that_encodes_one_line_says_which_extra_to_install()
         ("mcap_ros2", "from control.motion_files.mcap_motions import read_mcap as call"),
     ],
 )
-def test_without_a_package_for_recordings_one_line_says_which_extra_to_install(absent: str, call: str, tmp_path: Path):
+def test_without_a_package_for_recordings_one_line_says_what_to_install(absent: str, call: str, tmp_path: Path):
     script = f"""
 from pathlib import Path
 
@@ -116,7 +116,7 @@ except ReplanError as error:
     (tmp_path / "a.mcap").touch()
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=60)
     (line,) = said.stdout.splitlines() or [said.stderr]
-    assert f"the package {absent}" in line and "is not installed; install the extra '" in line
+    assert f"the package {absent}" in line and "is not installed; run: make setup" in line
 
 
 def test_its_lock_holds_the_versions_of_the_whole_and_nothing_heavy():
