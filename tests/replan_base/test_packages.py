@@ -28,9 +28,8 @@ def site(tmp_path: Path) -> Path:
         write(folder / name / "__init__.py")
     write(folder / "control" / "errors.py")
     write(folder / "control" / "robot" / "limits.py")
-    base = ("replan_base/packages.py", "replan_base/errors.py", "replan_base/interruption.py")
-    for name in ("replan/main.py", "replan/console.py", *base):
-        (folder / name).write_text((ROOT / name).read_text())
+    for file in (ROOT / "replan" / "main.py", ROOT / "replan" / "console.py", *(ROOT / "replan_base").glob("*.py")):
+        (folder / file.relative_to(ROOT)).write_text(file.read_text())
     files = [file for file in folder.rglob("*") if file.is_file()]
     record(folder, "replan-0.2.0", *(f"{f.relative_to(folder).as_posix()},sha256=x,{f.stat().st_size}" for f in files))
     return folder
