@@ -1,4 +1,4 @@
-"""Options of perception that do not depend on which detector and segmenter are chosen. Needs nothing installed."""
+"""Which detector and segmenter find things, and how they run. Needs nothing installed."""
 
 import re
 from dataclasses import dataclass
@@ -7,30 +7,40 @@ from perception.detection.devices import Precision
 from perception.errors import OptionError
 
 
+@dataclass(frozen=True, kw_only=True)
+class PerceptionModels:
+    """Who finds things in pictures; see docs/models.md."""
+
+    detector: str = "default"
+    """`colour` (embedded, nothing learned; this is `default`), `bundled` (the project's own small weights), or a
+    GroundingDINO or MM-GroundingDINO: local folder or hub name."""
+    segmenter: str = "default"
+    """`grabcut` (embedded, nothing learned; this is `default`), `bundled` (the project's own small weights), or a SAM
+    or SAM 2: local folder or hub name."""
+
+
 @dataclass(frozen=True)
 class PerceptionOptions:
     """How detectors and segmenters run and what of their answers is kept.
-
-    Attributes:
-        threshold: Lowest score of a box, 0..1; the detector's own if None.
-        same_phrase_iou: Of two boxes of one phrase that overlap by more (IoU, 0..1), the better stays.
-        other_phrase_iou: The same for boxes of different phrases.
-        most_per_phrase: At most so many boxes per phrase.
-        device: "auto" (CUDA if there is any), "cpu", "cuda" or "cuda:1".
-        precision: "auto" (half on CUDA, single on a CPU), "half" or "single".
-        offline: Never ask a model hub; only folders and what earlier downloads left on this machine.
 
     Raises:
         OptionError: On construction, for a value outside of its range.
     """
 
     threshold: float | None = None
+    """Lowest score of a box, 0 to 1. Default: the detector's own."""
     same_phrase_iou: float = 0.5
+    """Of two boxes of one name that overlap by more than this (intersection over union, 0 to 1) the better stays."""
     other_phrase_iou: float = 0.75
+    """The same for boxes of different names."""
     most_per_phrase: int = 20
+    """At most so many boxes of one name."""
     device: str = "auto"
+    """Where learned models run: auto (CUDA if there is any), cpu, cuda or cuda:1."""
     precision: Precision = "auto"
+    """Arithmetic of learned models; auto is half on CUDA and single on a CPU."""
     offline: bool = False
+    """Never ask a model hub; use local files only."""
 
     def __post_init__(self) -> None:
         for name in ("threshold", "same_phrase_iou", "other_phrase_iou"):

@@ -22,6 +22,11 @@ def main() -> None:
     except ForeignPackageError as error:
         console.fail(error)
         sys.exit(1)
+    except ReplanError as error:  # options check themselves when they are made
+        from replan.errors import exit_code
+
+        console.fail(error)
+        sys.exit(exit_code(error))
     except KeyboardInterrupt as end:
         sys.exit(_interrupted(end, console))
     sys.exit(_run(command))

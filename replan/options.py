@@ -62,3 +62,14 @@ class ChildOptions:
 
     parent_pid: int | None = None
     """End when this process is gone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConnectionOptions:
+    """Where the robot is: a process that runs already, or a simulated cell that is started."""
+
+    robot: str | None = None
+    """Endpoint of a running robot process or router, for instance tcp/127.0.0.1:7447, or tls/HOST:PORT with --link.
+    Default: start a simulated cell."""
+    link: Path | None = None
+    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""

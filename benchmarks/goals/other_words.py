@@ -28,7 +28,8 @@ from benchmarks.goals.other_words_plans import plan_one, plan_summary, print_pla
 from control.errors import GoalError, StackError
 from perception.errors import PerceptionError
 from perception.ground_truth import CellTruth
-from replan.run.goal import RunOptions, run_goal
+from replan.run.goal import run_goal
+from replan.run.options import RunOptions
 from replan_base.processes import python_module
 
 LIMIT = 240.0  # [s] for one goal, the start of its simulated cell included
@@ -94,8 +95,8 @@ def run_one(name: str, runs_dir: Path) -> Row:
 def _options(goal: WordGoal, runs_dir: Path) -> RunOptions:
     return RunOptions(
         goal.goal,
-        str(goal.cell_file),
-        goal.options,
+        cell=str(goal.cell_file),
+        cell_options=goal.options,
         seed=goal.seed,
         speed=0.0,
         runs_dir=runs_dir,

@@ -1,92 +1,18 @@
-"""Which reasoners answer in a run: options checked early, and one place that builds them."""
+"""Which reasoners answer in a run: the one place that builds them from their options."""
 
 import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
-from control.errors import ConfigError
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.reasoners.cassette import CassetteReasoner, CassetteWriter, RecordingReasoner
-from planning.reasoners.noisy import Mistake, NoiseOptions, NoisyReasoner
+from planning.reasoners.noisy import NoisyReasoner
+from planning.reasoners.options import ReasonerOptions
 from planning.reasoners.reasoner import Log, Reasoner
 from prompts.contracts import Role
-
-Backend = Literal["builtin", "openai", "transformers", "cassette"]
-
-
-@dataclass(frozen=True)
-class ReasonerOptions:
-    """Which language backend answers; the fields are explained by `replan run --help`."""
-
-    backend: Backend = "builtin"
-    url: str | None = None
-    model: str | None = None
-    perceiver_url: str | None = None
-    perceiver_model: str | None = None
-    key_variable: str = "OPENAI_API_KEY"
-    timeout: float = 60.0
-    tries: int = 3
-    max_tokens: int = 1500
-    picture_size: int = 768
-    schema: bool = True
-    price_in: float = 0.0
-    price_out: float = 0.0
-    device: str = "auto"
-    offline: bool = False
-    cassette: Path | None = None
-    cassette_any_order: bool = False
-    record_cassette: Path | None = None
-    noise: float = 0.0
-    noise_mistakes: tuple[Mistake, ...] = ()
-    noise_roles: tuple[Role, ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.backend not in get_args(Backend):
-            raise ConfigError(f"there is no reasoner '{self.backend}'; there are {', '.join(get_args(Backend))}")
-        if self.backend == "openai" and not (self.url and self.model):
-            raise ConfigError(
-                "--reasoner openai needs --reasoner-url and --reasoner-model: the address of a server and a model that "
-                "it has, for instance --reasoner-url http://127.0.0.1:11434/v1 --reasoner-model qwen3:8b"
-            )
-        if self.backend == "transformers" and not self.model:
-            raise ConfigError("--reasoner transformers needs --reasoner-model: a folder or hub name of a chat model")
-        if self.backend == "cassette" and self.cassette is None:
-            raise ConfigError("--reasoner cassette needs --cassette: a recorded cassette, or a run's events.jsonl")
-        self._refuse_surplus()
-        self.noise_options()
-        if self.cassette is not None and self.cassette == self.record_cassette:
-            raise ConfigError("--cassette and --record-cassette name one file; record to another one")
-
-    def noise_options(self) -> NoiseOptions:
-        """Which mistakes are made on purpose.
-
-        Raises:
-            ConfigError: No such mistake, or a share outside 0 to 1.
-        """
-        everything = NoiseOptions(self.noise)
-        return NoiseOptions(
-            self.noise, self.noise_mistakes or everything.mistakes, self.noise_roles or everything.roles
-        )
-
-    def _refuse_surplus(self) -> None:
-        """An option that the chosen backend would not look at is a mistake that a person should hear of."""
-        given = {
-            "--reasoner-url": (self.url, ("openai",)),
-            "--reasoner-model": (self.model, ("openai", "transformers")),
-            "--perceiver-url": (self.perceiver_url, ("openai",)),
-            "--perceiver-model": (self.perceiver_model, ("openai", "transformers")),
-            "--cassette": (self.cassette, ("cassette",)),
-        }
-        for option, (value, backends) in given.items():
-            if value is not None and self.backend not in backends:
-                raise ConfigError(
-                    f"{option} means nothing to --reasoner {self.backend}; it is for --reasoner {' or '.join(backends)}"
-                )
 
 
 def make_reasoners(

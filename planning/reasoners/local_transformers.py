@@ -10,6 +10,7 @@ from perception.detection.model_files import Role, find_model
 from perception.errors import ModelUnavailableError
 from planning.language.answers import UnusableAnswerError
 from planning.reasoners.chat_texts import chat_messages, shrink, without_thinking
+from planning.reasoners.options import ReasonerOptions
 from planning.reasoners.reasoner import AnswerUsage, Log
 
 CHAT_MODEL = Role("chat model", "a causal language model with a chat template", (), "Qwen/Qwen3-4B-Instruct-2507")
@@ -28,10 +29,10 @@ class LocalModelOptions:
     """
 
     model: str
-    device: str = "auto"
-    offline: bool = False
-    max_tokens: int = 1500
-    picture_size: int = 768
+    device: str = ReasonerOptions.device
+    offline: bool = ReasonerOptions.offline
+    max_tokens: int = ReasonerOptions.max_tokens
+    picture_size: int = ReasonerOptions.picture_size
 
     def __post_init__(self) -> None:
         for name in ("max_tokens", "picture_size"):

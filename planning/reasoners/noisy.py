@@ -6,57 +6,19 @@ them are well-formed, so that a parser alone does not catch them. Every one of t
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
-from control.errors import ConfigError
 from planning.language.names import mentioned
+from planning.reasoners.options import NoiseOptions
 from planning.reasoners.reasoner import AnswerUsage, Log, Reasoner, usage_of
-from prompts.contracts import AnswerForm, Role
+from prompts.contracts import AnswerForm
 from prompts.contracts import contract as contract_of
 
-Mistake = Literal[
-    "dropped",
-    "other_name",
-    "line_dropped",
-    "steps_swapped",
-    "flipped",
-    "wrong_number",
-    "moved_primary",
-    "extra_call",
-    "changed_number",
-]
 # The answer, the question's fields and a random generator -> the wrong answer and what was done, or None where this
 # mistake cannot be made.
 _Maker = Callable[[str, Mapping[str, Any], np.random.Generator], tuple[str, str] | None]
-
-
-@dataclass(frozen=True)
-class NoiseOptions:
-    """Which mistakes are made, and how often.
-
-    Attributes:
-        rate: Probability of a mistake per answer, 0 to 1.
-        mistakes: Which kinds; each answer gets one that its form allows, all equally likely.
-        roles: Whose answers.
-    """
-
-    rate: float
-    mistakes: tuple[Mistake, ...] = get_args(Mistake)
-    roles: tuple[Role, ...] = get_args(Role)
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.rate <= 1.0:
-            raise ConfigError(f"--answer-noise is a share of the answers, 0 to 1, not {self.rate:g}")
-        for what, given, valid in (
-            ("mistake", self.mistakes, get_args(Mistake)),
-            ("role", self.roles, get_args(Role)),
-        ):
-            for name in given:
-                if name not in valid:
-                    raise ConfigError(f"there is no {what} '{name}'; there are {', '.join(valid)}")
 
 
 class NoisyReasoner:

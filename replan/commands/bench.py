@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
+from perception.options import PerceptionModels
 from replan.commands.bench_rc import BenchRc
+from replan.commands.flags import options_in
 from replan_base.processes import python_module
 
 if TYPE_CHECKING:
     from replan.console import Console
 
 
-@dataclass(frozen=True)
-class BenchGoals:
+@dataclass(frozen=True, kw_only=True)
+class BenchGoals(PerceptionModels):
     """Whole runs over seeded placements, judged on the simulated cell's truth."""
 
     runs: int = 20
@@ -28,10 +30,6 @@ class BenchGoals:
     """Pace of the simulated cells in times real time; 0 is as fast as they go."""
     runs_dir: Path = Path("runs/bench")
     """Where run folders are made."""
-    detector: str = "default"
-    """As in `replan run`."""
-    segmenter: str = "default"
-    """As in `replan run`."""
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print one JSON object on stdout."""
 
@@ -41,9 +39,8 @@ class BenchGoals:
         from replan.run.benchmark import bench_goals
 
         require_mujoco()  # else every run would be counted as failed
-        report = bench_goals(
-            self.runs, self.goals, self.speed, self.runs_dir, console.note, self.detector, self.segmenter
-        )
+        models = options_in(self, PerceptionModels)
+        report = bench_goals(self.runs, self.goals, self.speed, self.runs_dir, console.note, models)
         console.result(report.as_json(), report.as_text())
         return 0
 

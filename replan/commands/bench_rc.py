@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from perception.options import PerceptionModels
 from replan.commands.reasoner_flags import ReasonerFlags
 
 if TYPE_CHECKING:
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
     from replan.rc.runner import Backend
 
 
-@dataclass(frozen=True)
-class BenchRc:
+@dataclass(frozen=True, kw_only=True)
+class BenchRc(PerceptionModels):
     """The paper's eight tasks in seeded cells, by variant of the method, scored on the cells' truth.
 
     Every episode runs in a process of its own and leaves one file. After an interruption of any kind the same command
@@ -34,10 +35,6 @@ class BenchRc:
     """Where poses come from: perception, or the truth of what the cameras show; for all variants."""
     language: tyro.conf.OmitArgPrefixes[ReasonerFlags] = field(default_factory=ReasonerFlags)
     """Who answers; --answer-noise holds for all variants that do not say it themselves."""
-    detector: str = "default"
-    """As in `replan run`."""
-    segmenter: str = "default"
-    """As in `replan run`."""
     jobs: int = 1
     """Episodes at a time on this machine; each wants about one core."""
     backend: Literal["local", "ray"] = "local"
@@ -64,7 +61,7 @@ class BenchRc:
             options = RcOptions(
                 runs=self.runs,
                 tasks=self.tasks,
-                variants=tuple(variant_from(v, self.poses, self.language.answer_noise) for v in self.variants),
+                variants=tuple(variant_from(v, self.poses, self.language.noise) for v in self.variants),
                 folder=self.folder,
                 shard=self.shard,
                 reasoner=self.language.options(offline=False),

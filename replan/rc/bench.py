@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from control.errors import ConfigError
-from planning.reasoners.choice import ReasonerOptions
+from planning.reasoners.options import ReasonerOptions
 from replan.rc.folder import RcFolder, write_whole
 from replan.rc.jobs import make_jobs, shard_of
 from replan.rc.records import setup_now
@@ -89,7 +89,7 @@ def run_benchmark(options: RcOptions, backend: Backend, say: Callable[[str], Non
 def _require_available(variants: Sequence[Variant], jobs, setup) -> None:
     """Refuse at once what every episode would refuse."""
     from replan.rc.episode import options_of
-    from replan.run.goal import check_variant
+    from replan.run.method_choice import check_variant
 
     for variant in variants:
         job = next(job for job in jobs if job.variant == variant)

@@ -24,18 +24,19 @@ from replan_base.errors import ReplanError
 if TYPE_CHECKING:
     from hw_interface.cell.client import CellClient
     from perception.ground_truth import CellTruth
-    from planning.reasoners.choice import ReasonerOptions
-    from replan.run.goal import RunOptions, RunReport
+    from planning.reasoners.options import ReasonerOptions
+    from replan.run.options import RunOptions
+    from replan.run.report import RunReport
 
 
 def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
     """What a job asks of a run whose folder is made in `runs_dir`."""
-    from replan.run.goal import RunOptions
+    from replan.run.options import RunOptions
 
     task = task_named(job.task)
     return RunOptions(
         task.goal,
-        task.cell,
+        cell=task.cell,
         seed=job.seed,
         speed=0.0,
         detector=setup.detector,
@@ -51,7 +52,7 @@ def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
 
 
 def _reasoner(setup: Setup, noise: float) -> "ReasonerOptions":
-    from planning.reasoners.choice import ReasonerOptions
+    from planning.reasoners.options import ReasonerOptions
 
     chosen: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in setup.reasoner.items()}
     if "cassette" in chosen:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from planning.reasoners.choice import ReasonerOptions
+from planning.reasoners.options import ReasonerOptions
 
 FORMAT = 1  # of tasks, scoring and records; results of different ones are never mixed
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +28,7 @@ class Setup:
         version: Of this program.
         code: Hash of everything that an episode runs on: sources, prompts, cells.
         reasoner: Its backend and those options that are not the default ones,
-            `planning.reasoners.choice.ReasonerOptions`; the share of mistakes made on purpose belongs to the variant.
+            `planning.reasoners.options.ReasonerOptions`; the share of mistakes made on purpose belongs to the variant.
         detector, segmenter: As in `replan run`.
         time_limit_s: Longest wall time of an episode in [s].
     """
@@ -110,7 +110,7 @@ class EpisodeRecord(BaseModel):
         harmed: What came to harm.
         plans: Steps of every plan, replans included.
         actions: Every step that was tried.
-        motions, replans, simulated_steps: As in `replan.run.goal.RunReport`.
+        motions, replans, simulated_steps: As in `replan.run.report.RunReport`.
         seconds: Wall time of the run in [s], without starting its cell.
         seconds_by_part: The same by `replan.run.stopwatch.PARTS`.
         wall_s: Wall time of the whole episode's process in [s].

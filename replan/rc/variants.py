@@ -12,7 +12,7 @@ BASELINES = tuple(name for name in METHODS if name != "replan")
 
 @dataclass(frozen=True)
 class Variant:
-    """What an episode is run with; the fields are those of `replan.run.goal.RunOptions`.
+    """What an episode is run with; the fields are those of `replan.run.options.RunOptions`.
 
     Attributes:
         name: For people, and in files.

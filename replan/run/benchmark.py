@@ -7,7 +7,7 @@ sends only when it was started for scoring. Nothing of it reaches the run that i
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ import numpy as np
 
 from control.errors import ConfigError, StackError
 from perception.errors import PerceptionError
-from replan.run.goal import RunOptions, run_goal
+from perception.options import PerceptionModels
+from replan.run.goal import run_goal
+from replan.run.options import RunOptions
 
 Poses = Mapping[str, np.ndarray]  # name -> true world_T_object, (4, 4)
 UNTOUCHED = 0.02  # [m]; how far an object that the goal does not name may have moved
@@ -111,12 +113,11 @@ class BenchReport:
 
     goals: dict[str, GoalScore]
     speed: float
-    detector: str = "default"
-    segmenter: str = "default"
+    models: PerceptionModels
 
     def as_json(self) -> dict[str, Any]:
         """As one JSON object."""
-        seen_with = {"detector": self.detector, "segmenter": self.segmenter}
+        seen_with = {"detector": self.models.detector, "segmenter": self.models.segmenter}
         return {
             "speed": self.speed,
             **seen_with,
@@ -143,8 +144,7 @@ def bench_goals(
     speed: float,
     runs_dir: Path,
     say: Callable[[str], None],
-    detector: str = "default",
-    segmenter: str = "default",
+    models: PerceptionModels,
 ) -> BenchReport:
     """Run the goals with seeds 0 .. runs - 1.
 
@@ -154,7 +154,7 @@ def bench_goals(
         speed: Pace of the simulated cells in times real time; 0 as fast as they go.
         runs_dir: Where the runs' folders go.
         say: Progress.
-        detector, segmenter: As in `perception.pipeline.perception_from_options`.
+        models: Who finds things in pictures.
 
     Raises:
         ConfigError: An unknown goal.
@@ -166,12 +166,14 @@ def bench_goals(
     for name, score in scores.items():
         for seed in range(runs):
             goal = GOALS[name]
-            options = RunOptions(goal.goal, goal.cell, goal.options, seed=seed, speed=speed, runs_dir=runs_dir)
-            options = replace(options, video=False, strip=False, score=True, detector=detector, segmenter=segmenter)
+            options = RunOptions(
+                goal.goal, cell=goal.cell, cell_options=goal.options, seed=seed, speed=speed, runs_dir=runs_dir,
+                video=False, strip=False, score=True, detector=models.detector, segmenter=models.segmenter,
+            )  # fmt: skip
             _run_once(goal, options, score)
             word = "ok" if score.success[-1] else f"FAILED ({score.reasons[-1]})"
             say(f"{name} seed {seed}: {word}, {score.wall_s[-1]:.1f} s, {score.steps[-1]} steps")
-    return BenchReport(scores, speed, detector, segmenter)
+    return BenchReport(scores, speed, models)
 
 
 def _limit_checks(folder: Path, cell: str) -> list[int]:

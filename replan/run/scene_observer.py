@@ -1,6 +1,6 @@
 """Eyes of a run: frames from the cell's cameras, perceived, with pictures of what was seen."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,12 +9,9 @@ from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from perception.recordings.opening import save_npz
 from perception.scene_file import LookRecord, PerceptionResult
-from replan.run.episode import Episode
-from replan.run.film import Film
-from replan.run.stopwatch import Stopwatch
+from replan.run.session import RunSession
 
 if TYPE_CHECKING:
-    from hw_interface.cell.client import CellClient
     from perception.pipeline import Perception
     from replan.run.true_poses import TruePoses
 
@@ -23,31 +20,19 @@ class CameraSceneObserver:
     """Looks through every camera of the cell at once; furniture is looked for first where the last look saw it.
 
     Args:
-        client: Connection to the cell.
+        session: The run; its record gets one overlay picture per camera and look, and the raw frames, its film the
+            first camera's overlay.
         perception: Detector, segmenter and geometry.
-        episode: Record of the run; gets one overlay picture per camera and look, and the raw frames.
-        film: Gets the first camera's overlay as a still.
-        say: Progress for people.
-        watch: Shares out the run's time.
+
+    Attributes:
+        pictures: Colour pictures of the last look, uint8, shape (height, width, 3).
     """
 
-    def __init__(
-        self,
-        client: "CellClient",
-        perception: "Perception | TruePoses",
-        episode: Episode,
-        film: Film,
-        say: Callable[[str], None],
-        watch: Stopwatch,
-    ) -> None:
-        self._client = client
+    def __init__(self, session: RunSession, perception: "Perception | TruePoses") -> None:
+        self._session = session
         self._perception = perception
-        self._episode = episode
-        self._film = film
-        self._say = say
-        self._watch = watch
         self._before: SceneEstimate | None = None
-        self.pictures: tuple[np.ndarray, ...] = ()  # colour pictures of the last look, uint8, (h, w, 3)
+        self.pictures: tuple[np.ndarray, ...] = ()
 
     def look(self, names: Sequence[str]) -> SceneEstimate:
         """Take fresh frames and find the named objects in them, and what is known to stand in the cell.
@@ -56,28 +41,28 @@ class CameraSceneObserver:
             PerceptionError: A frame cannot be used, or the detector cannot work at all.
             RobotGoneError: The cell does not answer.
         """
-        with self._watch.part("perception"):
+        with self._session.watch.part("perception"):
             return self._look(names)
 
     def _look(self, names: Sequence[str]) -> SceneEstimate:
         import cv2
 
-        frames = self._client.frames()
+        frames = self._session.client.frames()
         self.pictures = tuple(frame.colour for frame in frames)
         # Before perception, so that a frame on which it fails can be looked into.
-        save_npz(self._episode.numbered("look", "npz"), frames)
+        save_npz(self._session.episode.numbered("look", "npz"), frames)
         scene = self._perception.perceive(frames, (*names, *self._perception.known), self._before)
         self._before = scene
         cameras = "+".join(f.camera for f in frames)
         result = PerceptionResult(source=scene.source, frames=(LookRecord.of(scene, cameras),))
-        result.write(self._episode.numbered("objects", "json"))
+        result.write(self._session.episode.numbered("objects", "json"))
         for k, frame in enumerate(frames):
             picture = overlay(frame, scene)
-            path = self._episode.numbered(f"look_{frame.camera}", "png")
+            path = self._session.episode.numbered(f"look_{frame.camera}", "png")
             cv2.imwrite(str(path), picture[:, :, ::-1])
             if k == 0:
-                self._film.stills.append((f"seen: {', '.join(scene.names) or 'nothing'}", picture))
-        self._episode.log(
+                self._session.film.stills.append((f"seen: {', '.join(scene.names) or 'nothing'}", picture))
+        self._session.episode.log(
             "look",
             cameras=[f.camera for f in frames],
             source=scene.source,
@@ -99,5 +84,5 @@ class CameraSceneObserver:
             unseen=scene.unseen,
         )
         unseen = "; ".join(f"{u.name}: {u.reason}" for u in scene.unseen)
-        self._say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))
+        self._session.say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))
         return scene

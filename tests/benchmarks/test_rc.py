@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from control.errors import ConfigError
-from planning.reasoners.choice import ReasonerOptions
+from planning.reasoners.options import ReasonerOptions
 from replan.rc.bench import RcOptions, report_on, run_benchmark
 from replan.rc.episode import options_of
 from replan.rc.folder import RcFolder

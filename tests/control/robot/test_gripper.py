@@ -27,7 +27,7 @@ from control.trajectory.samples import GripperCommand, JointPath, PathSegment
 from control.twin_model import FINGER_BODIES, FINGER_JOINTS, HAND_BODY, TCP_SITE
 from hw_interface.cell.gate import Gate
 from hw_interface.simulated.sim_backend import SimBackend
-from replan.run.goal import RunOptions, _check_ready
+from replan.run.readiness import check_ready
 from sim_check.cells.loading import load_cell
 from sim_check.models.panda_mjcf import PICTURE_GROUP, panda_spec
 from sim_check.models.robotiq_mjcf import add_robotiq
@@ -240,8 +240,8 @@ def test_the_simulated_2f85_opens_fully_within_the_time_that_a_trajectory_gives_
 def test_a_run_against_a_robot_with_the_other_gripper_is_refused_before_it_looks():
     limits = panda_limits()
     state = SimpleNamespace(cell="mine", profile=limits.profile, firmware=limits.firmware, mode="idle")
-    client, options = SimpleNamespace(state=lambda: state), RunOptions("pick up the red cube")
-    ready = partial(_check_ready, client, options, "mine")  # type: ignore[arg-type]
+    client = SimpleNamespace(state=lambda: state)
+    ready = partial(check_ready, client, "mine", acknowledge=False)  # type: ignore[arg-type]
     ready(limits.profile, limits.firmware)
     with pytest.raises(ConfigError, match=r"profile is 'panda/5', but the cell file makes it 'panda/5\+robotiq_2f85'"):
         ready(panda_limits(ROBOTIQ_2F85).profile, limits.firmware)

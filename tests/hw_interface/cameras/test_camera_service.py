@@ -36,7 +36,7 @@ from perception.frames import RgbdFrame
 from perception.recordings.opening import save_npz
 from replan.doctor.machine import examine
 from replan.robot.camera_process import CameraOptions, serve_device
-from replan.run.goal import _check_cameras
+from replan.run.readiness import check_cameras
 from tests.hw_interface.test_ros2 import CELL
 from tests.support.robot_side.camera_doubles import LiveSource, SteeredSource, picture
 from tests.support.robot_side.hw_support import robot_process, robot_thread
@@ -333,6 +333,6 @@ def test_a_recording_stands_in_for_a_camera_and_ends_as_it_was_told(robot: SimPr
 
 def test_a_run_does_not_begin_without_a_camera_of_its_cell_file(robot: SimProcess):
     with served(robot.endpoint, LiveSource()), CellClient.connect(robot.endpoint) as client:
-        _check_cameras(client, ["front", "wrist"])
+        check_cameras(client, ["front", "wrist"])
         with pytest.raises(MachineError, match=r"nobody offers camera 'top' of the cell file; there are front, side,"):
-            _check_cameras(client, ["front", "top"])
+            check_cameras(client, ["front", "top"])

@@ -7,7 +7,8 @@ import pytest
 
 from control.errors import ConfigError
 from planning.baselines import METHODS
-from replan.run.goal import RunOptions, run_goal
+from replan.run.goal import run_goal
+from replan.run.options import RunOptions
 
 
 def test_the_command_offers_exactly_the_methods_of_the_table():

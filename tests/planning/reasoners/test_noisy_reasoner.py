@@ -10,7 +10,8 @@ from planning.builtin.reasoner import BuiltinReasoner
 from planning.language import answers
 from planning.language.reward_program import parse_reward_answer
 from planning.loop.loop import run_loop
-from planning.reasoners.noisy import MAKERS, Mistake, NoiseOptions, NoisyReasoner
+from planning.reasoners.noisy import MAKERS, NoisyReasoner
+from planning.reasoners.options import Mistake, NoiseOptions
 from prompts.contracts import CONTRACTS
 from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal, World

@@ -7,7 +7,8 @@ import pytest
 
 from control.errors import ConfigError, ReasonerError
 from planning.loop.loop import run_loop
-from planning.reasoners.choice import ReasonerOptions, make_reasoners, reasoner_names
+from planning.reasoners.choice import make_reasoners, reasoner_names
+from planning.reasoners.options import ReasonerOptions
 from planning.reasoners.usage import UsageLog
 from tests.replan.test_command_line import one_line_reason, replan
 from tests.support.models.language_server import KEY, MODEL, Status, language_server, unused_address

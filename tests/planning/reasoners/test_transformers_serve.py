@@ -16,7 +16,8 @@ import pytest
 
 from control.errors import ReasonerError
 from planning.loop.loop import run_loop
-from planning.reasoners.choice import ReasonerOptions, make_reasoners
+from planning.reasoners.choice import make_reasoners
+from planning.reasoners.options import ReasonerOptions
 from planning.reasoners.usage import UsageLog
 from tests.support.models.language_models import save_tiny_chat_model
 from tests.support.models.run_contexts import context_of
