@@ -47,7 +47,7 @@ class ClearedMotion:
 
     Attributes:
         part: Index of the part that is played, or is next.
-        stop_mode, stopping, trouble: As in `hw_interface.cell.robot_state_machine.Motion`.
+        stop_mode, stopping, trouble: As in `hw_interface.cell.robot_state_machine.PlayableMotion`.
 
     Raises:
         RefusedError: too_slow, or breaks_limit at that speed.
@@ -123,7 +123,7 @@ class ClearedMotion:
         return float(self._playback.clock[self._row, RATE]) if self._begun else 0.0
 
     def result(self, outcome: Outcome, q_d: np.ndarray, measured: Measured, now: float) -> MotionResult:
-        """As `hw_interface.cell.robot_state_machine.Motion.result`."""
+        """As `hw_interface.cell.robot_state_machine.PlayableMotion.result`."""
         return self._record.result(outcome, self.trouble, self.played, q_d, measured, self.speed, now)
 
     # --- what is seen -------------------------------------------------------------------------------------------
