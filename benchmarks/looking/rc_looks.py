@@ -215,10 +215,12 @@ def main() -> None:
     table: dict[tuple[str, str], dict[str, Row]] = {}
     lines: list[tuple[float, str]] = []
     seconds: list[float] = []
+    looker = ""
     for cell_name in args.cells:
         cell = load_cell(cell_name)
         known = known_models(cell.furniture)
         perception = perception_from_options(args.detector, args.segmenter, known=known, forms=known_forms())
+        looker = perception.name
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             world = build_world(cell, seed)
             states: list[tuple[str, float | None]] = [("start", None)]
@@ -236,7 +238,7 @@ def main() -> None:
             world.close()
             print(".", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    print(f"{perception.name}; {np.median(seconds):.2f} s CPU a look (median)")
+    print(f"{looker}; {np.median(seconds):.2f} s CPU a look (median)")
     print(
         f"{'cell':18}{'doors':8}{'thing':16}{'seen':>7}{'glimpsed':>9}{'invented':>9}"
         f"{'position mm':>15}{'yaw deg':>14}{'sides mm':>14}{'joints':>13}  colours"

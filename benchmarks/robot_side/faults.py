@@ -81,8 +81,9 @@ class Injection:
 
 
 def random_motion(client: CellClient, of: Gate, rng: np.random.Generator, grip: bool) -> Trajectory:
-    """From where the arm is held to somewhere near and back, with a gripper command in between or not; as slow as the
-    gate wants it.
+    """From where the arm is held to somewhere near and back, as slow as the gate wants it.
+
+    With `grip` there is a gripper command in between.
     """
     q0, home = np.array(client.state().q_d), np.array(REST_Q)
     q1 = home + rng.uniform(-0.35, 0.35, 7) * np.array([1, 0.5, 1, 0.5, 1, 0.5, 1])
@@ -215,8 +216,8 @@ def inject(rig: Rig, kind: Kind, seed: int) -> Injection:
     )
     since = _milliseconds(side)
     note = ""
+    operator = Operator(scene, kind.own_process, folder)
     try:
-        operator = Operator(scene, kind.own_process, folder)
         scene.operator_pid = operator.pid
         wait_for_progress(watcher, int(rng.uniform(0.05, 0.7) * len(trajectory.q)))
         fault = _milliseconds(side)

@@ -101,10 +101,13 @@ class FaultyLink:
         while not self._closed:
             try:
                 client, _ = self._server.accept()
-                server = socket.create_connection(self._target)
             except OSError:
                 if self._closed:
                     return
+                continue
+            try:
+                server = socket.create_connection(self._target)
+            except OSError:
                 client.close()  # the server is not there
                 continue
             self.connections += 1

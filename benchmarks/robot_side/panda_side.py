@@ -27,8 +27,10 @@ PATIENCE = 0.5  # [s] of wall time that the lockstep box's clock may wait for a 
 
 @dataclass(frozen=True)
 class History:
-    """What the box did, a row a millisecond: robot time in [ms], mode, commanded and measured positions in [rad], and
-    whether a client's command came (without one the box extrapolates or brakes by itself).
+    """What the box did, a row a millisecond.
+
+    Robot time in [ms], mode, commanded and measured positions in [rad], and whether a client's command came (without
+    one the box extrapolates or brakes by itself).
     """
 
     time: np.ndarray

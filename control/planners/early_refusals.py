@@ -1,5 +1,6 @@
-"""What can be told before any candidate is made, so that a hopeless search costs no minute: heights out of reach, arms
-that start inside something.
+"""What can be told before any candidate is made, so that a hopeless search costs no minute.
+
+Heights out of reach, and arms that start inside something.
 """
 
 import mujoco

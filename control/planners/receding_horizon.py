@@ -124,6 +124,7 @@ def _planned_anew(context: PlanningContext, tried: Tried, departure: Departure) 
     """What was done so far, each with another rest of the motion."""
     segments = tried.candidate.segments[: departure.segment + 1]
     twin = twin_at(context.twin, tried, departure)
+    opened = None
     if departure.at_handle:
         opened = segments[-1].gripper or GripperCommand("move", context.twin.gripper.opening)
         segments = (*segments[:-1], replace(segments[-1], gripper=None))
@@ -132,7 +133,7 @@ def _planned_anew(context: PlanningContext, tried: Tried, departure: Departure) 
     here = PlanningContext(
         twin, context.subtask, context.safety, context.limits, context.arm, context.rng, context.spec
     )
-    rest = _driven_on(here, opened) if departure.at_handle else candidates(here)
+    rest = _driven_on(here, opened) if opened is not None else candidates(here)
     for more in rest:
         ends = {k: v for k, v in tried.candidate.joint_ends.items() if k < departure.segment}
         ends |= {k + len(segments): v for k, v in more.joint_ends.items()}

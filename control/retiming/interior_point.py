@@ -133,7 +133,7 @@ def _solve_tied(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     merged[2, -1] += matrix[2, -2] + matrix[2, -1] + 2.0 * (matrix[1, -2] + matrix[1, -1] + matrix[0, -1])
     merged[1, -1] += matrix[0, -2]
     summed = np.concatenate([[right[:3].sum()], right[3:-3], [right[-3:].sum()]])
-    _, step, failed = lapack.dpbsv(merged, summed)
+    _, step, failed = lapack.dpbsv(merged, summed)  # pyright: ignore[reportAttributeAccessIssue]
     if failed:
         return None
     return np.concatenate([[step[0]] * 2, step, [step[-1]] * 2])
@@ -197,6 +197,7 @@ class _State:
         vectors = []
         if scalars < len(self.slack):
             vectors = [tight[scalars:] * _dots(self.linear[scalars:], d[scalars:]) for d in directions]
+        pulled = [pull[scalars:] * vector for vector in vectors]
         k = len(directions)
         products, slope = np.empty((k * (k + 1) // 2, n)), np.empty((k, n))
         row = 0
@@ -205,13 +206,12 @@ class _State:
             weighted = weight * direction[:scalars]
             if vectors:
                 slope[i] += np.einsum("gn,gn->n", centre[scalars:], vectors[i])
-                pulled = pull[scalars:] * vectors[i]
             for j in range(i, k):
                 products[row] = np.einsum("rn,rn->n", weighted, directions[j][:scalars])
                 if vectors:
                     dots = _dots(direction[scalars:], directions[j][scalars:])
                     products[row] += np.einsum("gn,gn->n", straight[scalars:], dots)
-                    products[row] += np.einsum("gn,gn->n", pulled, vectors[j])
+                    products[row] += np.einsum("gn,gn->n", pulled[i], vectors[j])
                 row += 1
         ends, _, width = block.stencil.shape
         places = block.places
@@ -272,7 +272,7 @@ class Warp:
         return t, p, speed, np.append(bend.ravel(), (self.beta[-1] - self.beta[-2]) / (2.0 * h))
 
     def _square(self, y: np.ndarray) -> np.ndarray:
-        """b at shares y of each cell, shape (n, k)."""
+        """B at shares y of each cell, shape (n, k)."""
         before, here, after = self.beta[:-2, None], self.beta[1:-1, None], self.beta[2:, None]
         return 0.5 * (before * (1.0 - y) ** 2 + here * (1.0 + 2.0 * y - 2.0 * y**2) + after * y**2)
 
@@ -282,7 +282,7 @@ class Warp:
         return float(self.passed[0][-1])
 
     def parameter(self, t: np.ndarray) -> np.ndarray:
-        """p at times in [s], shape (k,), by polynomials that agree with p, p' and p'' at both ends of each part."""
+        """P at times in [s], shape (k,), by polynomials that agree with p, p' and p'' at both ends of each part."""
         times, p, speed, bend = self.passed
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         length = times[k + 1] - times[k]

@@ -179,8 +179,9 @@ class ResearchInterface:
         print(json.dumps(line), file=sys.stdout, flush=True)
 
     def serve(self) -> None:
-        """Print one line that tells a parent process that the box is ready, run until the leash ends it, then leave the
-        network.
+        """Print the line that tells a parent process that the box is ready, and run until the leash ends it.
+
+        It leaves the network afterwards.
         """
         try:
             with self.leash.signals():

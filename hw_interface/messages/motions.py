@@ -90,8 +90,9 @@ class TrajectoryRequest(Message):
         operator: str,
         speed: float | None = None,
     ) -> "TrajectoryRequest":
-        """The message of a trajectory, its certificate, the epoch of the robot that is to play it, who asks, and at
-        which share of its speed.
+        """The message of a trajectory with its certificate.
+
+        It names the epoch of the robot that is to play it, who asks, and the share of its speed.
 
         Raises:
             MessageError: Longer than any robot accepts.

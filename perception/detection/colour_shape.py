@@ -76,7 +76,7 @@ class ColourShapeDetector:
         return sorted(found, key=lambda d: -d.score)
 
     def other_shape(self, phrase: str) -> str | None:
-        """ "green ball" for a green cube or block, "green block" for a green apple; None without a colour or shape."""
+        """The other shape: "green ball" for a green cube, "green block" for a green apple; None where it is open."""
         query = parse_phrase(phrase, self.catalogue)
         if len(query.colours) != 1:
             return None

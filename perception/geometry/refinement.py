@@ -115,7 +115,7 @@ def refine(solid: Solid, seen: Observation) -> Refined:
 
 
 def _refine_box(solid: Solid, seen: Observation) -> Refined:
-    """x = (centre x, centre y, yaw, size x, size y, top, bottom)."""
+    """X = (centre x, centre y, yaw, size x, size y, top, bottom)."""
     start = np.array([*solid.centre[:2], solid.yaw, *solid.extents[:2], solid.top, seen.bottom])
     loose = np.array([0.03, 0.03, 0.35, 0.04, 0.04, 0.03, seen.bottom_std])
 
@@ -172,7 +172,7 @@ def _unseen_growth(best: "_Minimum", outwards: np.ndarray) -> float:
 
 
 def _refine_sphere(solid: Solid, seen: Observation) -> Refined:
-    """x = (centre, radius, bottom); the bottom is drawn to the support as strongly as its spread says."""
+    """X = (centre, radius, bottom); the bottom is drawn to the support as strongly as its spread says."""
     start = np.array([*solid.centre, solid.extents[0] / 2])
     loose = np.array([0.03, 0.03, 0.03, 0.03])
     eye = seen.frame.world_T_camera[:3, 3]
@@ -247,7 +247,7 @@ def ellipsoid_distance(solid: Solid, points: np.ndarray) -> np.ndarray:
 
 
 def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
-    """x = (centre x, centre y, radius, top, bottom, foot radius / radius); the foot of a bowl is narrower.
+    """X = (centre x, centre y, radius, top, bottom, foot radius / radius); the foot of a bowl is narrower.
 
     Points constrain the top alone: inside an open vessel they lie inside the solid.
     """
@@ -411,7 +411,7 @@ def _minimise(
         )
         jw, rw = jacobian * w[:, None], r * w
         normal = jw.T @ jw
-        moved = False
+        moved, step = False, np.zeros_like(x)
         for _ in range(6):
             step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jw.T @ rw)
             r_new, w_new = residuals(x + step)

@@ -228,7 +228,7 @@ class _Problem:
     def settle(self, x: np.ndarray, rounds: int = 25) -> tuple[float, np.ndarray]:
         """Damped Gauss-Newton from x with the weights 1 / (1 + (r / 2)^2); the cost reached and its x."""
         damping, best, at = 1e-2, np.inf, x
-        off, slopes, std = self.linear(x)
+        kept = off, slopes, std = self.linear(x)
         for _ in range(rounds):
             cost = self._cost(off, std, x)
             if cost < best:

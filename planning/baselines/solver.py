@@ -60,7 +60,7 @@ def _solve(domain: str, problem: str) -> list[tuple[str, list[str]]] | None:
 
     get_environment().credits_stream = None
     with OneshotPlanner(name=PLANNER, params=SEARCH) as planner:
-        result = planner.solve(PDDLReader().parse_problem(domain, problem))
+        result = planner.solve(PDDLReader().parse_problem(domain, problem))  # pyright: ignore[reportAttributeAccessIssue]
     if result.plan is not None:
         return [(a.action.name, [str(p) for p in a.actual_parameters]) for a in result.plan.actions]
     # Its A* is complete, but the interface to it calls every failure incomplete.

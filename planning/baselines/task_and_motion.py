@@ -172,8 +172,9 @@ class _Search:
         return f"; the last motion that was not possible: {self.causes[-1].message}" if self.causes else ""
 
     def _best(self, sequences: Sequence[_Sequence], tried: set[tuple[int, _Key]]) -> tuple[int, Action] | None:
-        """The number of a sequence and the action to try after it: least length in all, of equals the one that goes
-        furthest; None when nothing is left.
+        """The number of a sequence and the action to try after it; None when nothing is left.
+
+        It is of the least length in all, and of equals the one that goes furthest.
         """
         best: tuple[int, int, int] | None = None
         choice = None

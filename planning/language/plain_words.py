@@ -92,13 +92,13 @@ def _door_of() -> re.Pattern[str]:
 
 
 def _own_noun(text: str) -> str:
-    """ "the yellow cube off the blue one": the noun of the thing before stands in for "one"."""
+    """Replace "one" by the noun of the thing before, as in "the yellow cube off the blue one"."""
     match = re.search(r"\b(?P<noun>[a-z0-9_]+) (?:off|from|on|onto|away from|out of) (?:the )?(?:\w+ )one\b", text)
     return text if match is None else re.sub(r"\bone\b", match["noun"], text)
 
 
 def _with_colours(text: str, stop: frozenset[str]) -> str:
-    """ "the cube with the same colour as the crate" as "the cube coloured like crate"."""
+    """Rewrite "the cube with the same colour as the crate" as "the cube coloured like crate"."""
     same = _LIKE.search(text)
     if same is None:
         return text

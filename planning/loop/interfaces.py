@@ -60,13 +60,19 @@ class TermResult(Protocol):
     """Whether a term is met (`control.tasks.predicates.TermJudgement` is one)."""
 
     @property
-    def met(self) -> bool: ...
+    def met(self) -> bool:
+        """Whether the term is met."""
+        ...
 
     @property
-    def residual(self) -> float: ...
+    def residual(self) -> float:
+        """How far it is from being met, in the unit of the term; 0 where it is met."""
+        ...
 
     @property
-    def text(self) -> str: ...
+    def text(self) -> str:
+        """What was seen, in a sentence."""
+        ...
 
 
 class TermEvaluator(Protocol):

@@ -19,9 +19,13 @@ class Checker(Protocol):
 
     def make_spec(
         self, action: str, calls: Sequence[RewardCall], description: Sequence[DescriptionLine], relocates: bool
-    ) -> RewardSpec: ...
+    ) -> RewardSpec:
+        """A spec out of checked calls, with exactly one primary term."""
+        ...
 
-    def repair_names(self, sentence: str, objects: Sequence[str]) -> str: ...
+    def repair_names(self, sentence: str, objects: Sequence[str]) -> str:
+        """The sentence with names of objects that are there."""
+        ...
 
 
 class AsWritten:

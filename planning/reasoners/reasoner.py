@@ -25,7 +25,9 @@ _NAME_FIELDS = ("objects", "joints", "sought", "object")
 class Log(Protocol):
     """Receives every event of a run."""
 
-    def __call__(self, event: str, /, **data: Any) -> None: ...
+    def __call__(self, event: str, /, **data: Any) -> None:
+        """Write one event down; its data are JSON's types, arrays and paths."""
+        ...
 
 
 class Reasoner(Protocol):

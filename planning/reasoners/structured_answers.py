@@ -21,6 +21,7 @@ class StructuredAnswer(BaseModel):
     HINT: ClassVar[str]  # what goes where, for the model
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         """In the contract's textual form."""
         raise NotImplementedError
 
@@ -34,6 +35,7 @@ class YesNo(StructuredAnswer):
     note: str
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return f"{self.answer} {self.note}".strip()
 
 
@@ -46,6 +48,7 @@ class PlanObject(StructuredAnswer):
     steps: list[str]
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         steps = "".join(f"> {_line(step)}\n" for step in self.steps)
         return f"<thought>{_line(self.thought)}</thought>\n[start plan]\n{steps}[end plan]"
 
@@ -58,6 +61,7 @@ class DescriptionObject(StructuredAnswer):
     lines: list[str]
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         lines = "".join(f"{_line(line)}\n" for line in self.lines)
         return f"[start of description]\n{lines}[end of description]"
 
@@ -70,6 +74,7 @@ class RewardCalls(StructuredAnswer):
     calls: list[str]
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return "```python\n" + "".join(f"{_line(call)}\n" for call in self.calls) + "```"
 
 
@@ -82,6 +87,7 @@ class StepNumber(StructuredAnswer):
     step: int
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return f"<thought>{_line(self.thought)}</thought>\n<step>{self.step}</step>"
 
 
@@ -93,6 +99,7 @@ class Reasons(StructuredAnswer):
     reasons: list[str]
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return "\n".join(f"<reason>{_line(r)}</reason>" for r in self.reasons) or "none"
 
 
@@ -104,6 +111,7 @@ class Questions(StructuredAnswer):
     questions: list[str]
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return "\n".join(f"<question>{_line(q)}</question>" for q in self.questions) or "none"
 
 
@@ -115,6 +123,7 @@ class TypeOfQuestion(StructuredAnswer):
     type: QuestionType
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return self.type
 
 
@@ -127,6 +136,7 @@ class Completion(StructuredAnswer):
     action: str
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return self.done if not self.action.strip() else f"{self.done}\n<Action>{_line(self.action)}</Action>"
 
 
@@ -138,6 +148,7 @@ class Sentence(StructuredAnswer):
     sentence: str
 
     def as_text(self) -> str:
+        """The answer in its contract's textual form."""
         return self.sentence
 
 

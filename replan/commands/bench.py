@@ -191,8 +191,9 @@ class BenchVerdicts:
 
 @dataclass(frozen=True)
 class BenchResearchInterface:
-    """Motions through the real libfranka on the simulated control box: validated ones, ones with one limit broken each,
-    and planned paths that were not retimed; which are aborted, and by what name.
+    """Motions through the real libfranka on the simulated control box: which are aborted, and by what name.
+
+    Validated ones, ones with one limit broken each, and planned paths that were not retimed.
     """
 
     runs: int = 100
@@ -208,8 +209,9 @@ class BenchResearchInterface:
 
 @dataclass(frozen=True)
 class BenchRealTime:
-    """Validated motions through the whole real driver on the simulated control box at the pace of the clock: how many
-    are completed, how many commands come late on this machine.
+    """Validated motions through the real driver on the simulated control box at the pace of the clock.
+
+    How many are completed, and how many commands come late on this machine.
     """
 
     runs: int = 30
@@ -229,9 +231,7 @@ class BenchRealTime:
 
 @dataclass(frozen=True)
 class BenchTransport:
-    """How soon a motion is accepted by the robot's process, how late states are and whether any is lost, pictures a
-    second: on the machine as it is, and while all its cores compute.
-    """
+    """Delivery of a motion, latency and loss of states, pictures a second: as it is, and while all cores compute."""
 
     seconds: float = 60.0
     """Of states."""
@@ -271,8 +271,10 @@ class BenchFaults:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure: goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes,
-    verdicts, the control box, the driver in real time and under faults, transport.
+    """Measure goals, perception, motions, verdicts or the robot's side.
+
+    Goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes, verdicts, the control
+    box, the driver in real time and under faults, transport.
     """
 
     name: tyro.conf.OmitSubcommandPrefixes[

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Say what is installed, which rendering works, which weights and language backends are here, and whether a robot
-    answers.
+    """Say what is installed, what works on this machine, and whether a robot answers.
 
-    Exit code 0 when a simulated run (with --robot-side: a robot's process) is possible, else 1.
+    Packages, rendering, weights, language backends. Exit code 0 when a simulated run (with --robot-side: a robot's
+    process) is possible, else 1.
     """
 
     robot: str = DEFAULT_ENDPOINT

@@ -168,8 +168,9 @@ class RobotSpeed(ClientOptions):
 
 @dataclass(frozen=True)
 class Robot:
-    """The robot's side: a simulated cell or control box, a real Panda, playing a certified trajectory, its speed,
-    acknowledging a stop.
+    """The robot's side.
+
+    A simulated cell or control box, a real Panda, playing a certified trajectory, its speed, acknowledging a stop.
     """
 
     which: tyro.conf.OmitSubcommandPrefixes[

@@ -138,7 +138,7 @@ def _sliding_door(panel: _Panel, config: CabinetConfig, extents: np.ndarray, sid
 
 
 def _door_plane(extents: np.ndarray) -> float:
-    """x of the doors' middle."""
+    """X of the doors' middle."""
     return float(-extents[0] / 2 - DOOR_GAP - DOOR_THICKNESS / 2)
 
 

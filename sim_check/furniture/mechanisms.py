@@ -60,7 +60,9 @@ def build_lever(name: str, config: LeverConfig) -> FurnitureModel:
 
 
 def build_weight_plate(name: str, config: WeightPlateConfig) -> FurnitureModel:
-    """A plate above a tray. With rated weight m and travel t:
+    """A plate above a tray.
+
+    With rated weight m and travel t:
 
     preload = LIGHT_SHARE m g        stiffness = (1 - LIGHT_SHARE) m g / (RELEASE_SHARE t)
     """

@@ -184,7 +184,7 @@ def link_points(link: str, spacing: float = 0.006) -> np.ndarray:
     hull = trimesh.load_mesh(meshes / "collision" / f"{name}.stl")
     surface = trimesh.load_scene(meshes / "visual" / f"{name}.dae").to_geometry()
     spread = trimesh.sample.sample_surface(surface, 40_000, seed=0)[0]
-    points = np.vstack([surface.vertices, spread])
+    points = np.vstack([surface.vertices, spread])  # pyright: ignore[reportAttributeAccessIssue]
     _, first = np.unique(np.round(points / spacing).astype(int), axis=0, return_index=True)
     return np.vstack([hull.vertices, trimesh.convex.convex_hull(points).vertices, points[np.sort(first)]])
 

@@ -98,6 +98,7 @@ def load_parts(file: Path, cell: float = CELL) -> list[ColouredMesh]:
     meshes = []
     for colour, same in sorted(by_colour.items()):
         merged = trimesh.util.concatenate(same)
+        assert isinstance(merged, trimesh.Trimesh)
         vertices, faces = thin(np.asarray(merged.vertices), np.asarray(merged.faces), cell)
         if len(faces):
             meshes.append(ColouredMesh(vertices.astype(np.float32), faces.astype(np.int32), np.array(colour) / 255.0))

@@ -29,10 +29,10 @@ _AIR = 2e-4  # left under things for the contact to close, in [m]
 
 
 def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = ()) -> list[Standing]:
-    """Put every thing on the highest support under its centre: the table, another thing, a container's floor, the
-    shelf inside furniture or its top, the stand-offs of its handles.
+    """Put every thing on the highest support under its centre.
 
-    Lower tops first, so that what carries others is in place before them.
+    Supports are the table, another thing, a container's floor, the shelf inside furniture or its top, and the
+    stand-offs of its handles. Lower tops first, so that what carries others is in place before them.
 
     Args:
         things: As perceived.

@@ -295,7 +295,7 @@ def _into_the_hand(twin: TwinModel, qpos: np.ndarray) -> np.ndarray:
     model, name, widest = twin.model, str(twin.held), twin.gripper.opening
     qpos = _robot_qpos(twin, qpos, widest)
     perceived = _position(model, qpos, name)
-    data = mujoco.MjData(model)
+    data, gaps = mujoco.MjData(model), [0.0, 0.0]
     for _ in range(2):  # the second round measures again at the centred pose
         data.qpos[:] = qpos
         mujoco.mj_forward(model, data)

@@ -1,5 +1,6 @@
-"""The simulated cell's truth: what really stands there, where, how heavy. Only the simulated cell and its scorers
-may hold a `World`.
+"""The simulated cell's truth: what really stands there, where, how heavy.
+
+Only the simulated cell and its scorers may hold a `World`.
 """
 
 from dataclasses import dataclass, field, replace

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -382,6 +383,7 @@ def test_a_killed_recording_is_read_up_to_its_last_chunk(robot: SimProcess, cell
         decoders: dict = {}
         schemas, channels = {}, {}
         try:
+            record: Any
             for record in StreamReader(file).records:
                 kind = type(record).__name__
                 if kind == "Schema":

@@ -218,9 +218,9 @@ def test_degrees_are_recognised_in_positions_velocities_and_accelerations():
 
 def test_no_valid_motion_passes_for_degrees_and_one_out_of_range_is_for_the_checks_to_find():
     limits, rng = panda_limits(), np.random.default_rng(0)
+    motion = there_and_back(rows(0.05))
     for _ in range(200):
         low, high = rng.uniform(limits.q_min, limits.q_max, (2, 7))
-        motion = there_and_back(rows(0.05))
         share = (motion.q[:, :1] - REST_Q[0]) / STEP[0]
         q = low + share * (high - low)
         qd = motion.qd[:, :1] / STEP[0] * (high - low)

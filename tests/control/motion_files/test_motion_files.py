@@ -27,6 +27,7 @@ from tests.support.robot_side.ros2_messages import (
     write_mcap,
 )
 from tests.support.scenes.motion_files import (
+    Motion,
     at_rest,
     columns,
     planned,
@@ -201,7 +202,7 @@ def test_moveits_trajectories_are_read_too(tmp_path):
     assert "message 0 of topic '/shown' (moveit_msgs/msg/DisplayTrajectory, 1 message) has 2 trajectories" in message
 
 
-def recorded(tmp_path: Path, times: np.ndarray, base: float = 1_700_000_000.0) -> tuple[Path, object]:
+def recorded(tmp_path: Path, times: np.ndarray, base: float = 1_700_000_000.0) -> tuple[Path, Motion]:
     """A recording in which the fingers and another device publish on the arm's topic."""
     truth = there_and_back(times)
     messages = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from benchmarks.motion.arm_paths import GRASP, OPEN, REST, noisy, pick_and_place, polyline, random_path
 from control.errors import ConfigError, RetimingError
@@ -53,7 +53,7 @@ def assert_all_limits_kept(trajectory: Trajectory, robot: RobotModel, safety: Sa
 def distance_from_polyline(q: np.ndarray, waypoints: np.ndarray) -> float:
     """Largest joint difference of any sample from the nearest point of the polyline, in [rad]."""
     dense = polyline(waypoints, 5e-4)
-    _, nearest = cKDTree(dense).query(q)
+    _, nearest = KDTree(dense).query(q)
     return float(np.max(np.abs(q - dense[nearest])))
 
 
@@ -86,7 +86,7 @@ def test_noisy_waypoints_are_smoothed_within_the_tolerance_and_keep_every_limit(
 def test_every_corner_of_the_path_is_visited_within_the_tolerance(robot):
     waypoints = random_path(np.random.default_rng(7), 3)
     trajectory = retime(single(waypoints), robot, LIMITS, SAFETY)
-    _, nearest = cKDTree(trajectory.q).query(waypoints)
+    _, nearest = KDTree(trajectory.q).query(waypoints)
     assert np.max(np.abs(trajectory.q[nearest] - waypoints)) <= TOLERANCE + 2e-3  # samples are up to 2 mrad apart
 
 
@@ -385,7 +385,7 @@ def test_a_payload_adds_its_weight_to_the_torques_by_the_jacobian(robot):
 
 def test_the_jacobian_is_the_derivative_of_the_pose(robot):
     step = 1e-6
-    jacobian = robot.tcp_jacobian(REST)
+    jacobian, moved = robot.tcp_jacobian(REST), REST
     for joint in range(7):
         moved = REST + step * np.eye(7)[joint]
         change = robot.tcp_pose(moved) - robot.tcp_pose(REST)

@@ -50,8 +50,9 @@ def robot(box: ControlBoxProcess) -> Any:
 def wait_for(box: ControlBoxProcess, **wanted: Any) -> dict[str, Any]:
     """The box's answer as soon as it is like that."""
     until = time.monotonic() + 10.0
+    state: dict[str, Any] = {}
     while time.monotonic() < until:
-        state: dict[str, Any] = box.faults.send("state")
+        state = box.faults.send("state")
         if all(state[name] == value for name, value in wanted.items()):
             return state
         time.sleep(0.02)
@@ -226,12 +227,11 @@ def test_in_lockstep_old_commands_are_not_taken_and_a_lost_state_comes_again(box
         assert connection.recv(100)[12] == 0
         connection.sendall(HEADER.pack(Command.MOVE, 1, 68) + bytes(56))
         assert connection.recv(100)[12] == MoveStatus.STARTED
-        state = np.zeros(1, STATE)
-        while state[0]["robot_mode"] != Mode.MOVE:
-            data, source = states.recvfrom(8192)
-            state = np.frombuffer(data, STATE)
+        data, source = states.recvfrom(8192)
+        while np.frombuffer(data, STATE)[0]["robot_mode"] != Mode.MOVE:
+            data = states.recv(8192)
         command = np.zeros(1, COMMAND)
-        command["q_c"] = state["q_d"]
+        command["q_c"] = np.frombuffer(data, STATE)["q_d"]
         command["message_id"], command["finished"] = 1, 1  # answers a state from long before this motion
         states.sendto(command.tobytes(), source)
         time.sleep(0.1)

@@ -51,7 +51,7 @@ def test_a_slow_reader_still_gets_its_answers_at_once_and_the_latest_states(link
     reader = StateReader(client, on_state, backlog=10)
     robot.declare_queryable("cell/frame/camera", lambda query: query.reply(query.key_expr, PICTURE))
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)
+    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
     longest, ended = 0.0, time.monotonic() + 3.0
     messages = [numbered(state, number) for number in range(4 * RATE)]
     sent = 0
@@ -76,7 +76,7 @@ def test_a_reader_that_keeps_up_hears_every_state(link, state: RobotState):
     heard: list[int] = []
     StateReader(client, lambda state: heard.append(state.progress))
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)
+    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
     for number in range(200):
         stream.put(numbered(state, number))
         time.sleep(0.002)
@@ -94,7 +94,7 @@ def test_neither_garbage_nor_a_fault_of_the_reader_ends_the_reading(link, state:
 
     StateReader(client, on_state)
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)
+    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
     for message in (numbered(state, 0), b"garbage", numbered(state, 1)):
         stream.put(message)
     assert until(lambda: heard == [0, 1], 2.0), heard

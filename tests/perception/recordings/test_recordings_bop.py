@@ -84,13 +84,14 @@ def test_a_scene_becomes_frames_in_the_scenes_world(scene):
 def test_the_truth_has_poses_masks_sizes_and_shares_in_the_scenes_world(scene):
     recording = open_recording(scene)
     assert recording.has_truth
-    for before, after in zip(scene_frames(), recording.with_truth(), strict=True):
+    read = list(recording.with_truth())
+    for before, after in zip(scene_frames(), read, strict=True):
         for o, found in zip(truth_of(before).objects, truth_of(after).objects, strict=True):
             assert found.name == o.name and found.visible_share == o.visible_share
             assert np.allclose(found.world_T_object, o.world_T_object, atol=1e-9)
             assert found.extents is not None and o.extents is not None and found.mask is not None and o.mask is not None
             assert np.allclose(found.extents, o.extents) and np.array_equal(found.mask, o.mask)
-    last = truth_of(after)
+    last = truth_of(read[-1])
     assert last.absent == ("mustard_bottle",)
     assert last.objects[0].box_px is not None and last.objects[0].box_px.tolist() == [4, 3, 10, 9]
 

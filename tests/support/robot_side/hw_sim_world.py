@@ -62,6 +62,7 @@ class CubeWorld:
         rows = [model.joint(j).qposadr[0] for j in ARM_JOINTS]
         mujoco.mj_kinematics(model, data)
         upright = data.site_xmat[site].reshape(3, 3).copy()
+        error = np.full(6, np.inf)
         for _ in range(200):
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
