@@ -19,6 +19,7 @@ class ForgetfulRobot(PerfectRobot):
     """One that may run for long: it keeps no commands."""
 
     def command(self, q_d: np.ndarray, qd_d: np.ndarray) -> None:
+        """Follow, and forget what came before."""
         super().command(q_d, qd_d)
         self.commands.clear()
 

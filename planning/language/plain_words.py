@@ -85,7 +85,7 @@ def plainer(part: str, subject: str | None, target: str | None, stop: frozenset[
 
 @cache
 def _door_of() -> re.Pattern[str]:
-    """ "door of the wooden cabinet": a door and what has it, in words of the catalogue."""
+    """A door and what has it, in words of the catalogue, as in "door of the wooden cabinet"."""
     with_inside = (noun for noun, f in builtin_catalogue().furniture.items() if f.carries == "inside")
     words = [word for noun in with_inside for word in (noun, *builtin_catalogue().furniture[noun].synonyms)]
     return re.compile(rf"\b((?:left |right )?door) (?:of|on) (?:the )?(\w+(?: (?:{'|'.join(words)}))?)")
