@@ -39,7 +39,7 @@ class SetJointFraction(TermDefinition):
     conflicts = "the same joint at another fraction, further away than both tolerances"
 
     def judge(self, term: RewardTerm, scene: SceneState) -> TermJudgement:
-        """r is a share of the joint's range, not a distance."""
+        """The residual is a share of the joint's range, not a distance."""
         fraction, wanted = scene.fractions[term.subject], term.number
         residual = max(0.0, abs(fraction - wanted) - FRACTION_TOLERANCE)
         text = f"{term.subject} is {fraction:.0%} open (asked for {wanted:.0%})"

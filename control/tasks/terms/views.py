@@ -56,13 +56,24 @@ class SampledMotions(Protocol):
     """
 
     @property
-    def start(self) -> Mapping[str, PosedObject]: ...
+    def start(self) -> Mapping[str, PosedObject]:
+        """See the class."""
+        ...
+
     @property
-    def palm(self) -> np.ndarray: ...
+    def palm(self) -> np.ndarray:
+        """See the class."""
+        ...
+
     @property
-    def rest_palm(self) -> np.ndarray: ...
+    def rest_palm(self) -> np.ndarray:
+        """See the class."""
+        ...
+
     @property
-    def support_height(self) -> float: ...
+    def support_height(self) -> float:
+        """See the class."""
+        ...
 
     def place(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Centres (n, t, 3) in [m] and rotations (n, t, 3, 3) of an object; of a fixed one (1, 1, ...)."""
