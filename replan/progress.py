@@ -14,8 +14,8 @@ class Progress:
     Args:
         what: What a step is, for instance "frame".
         total: How many there are; None where that is unknown.
-        say: Prints a line, where stderr is no terminal.
-        quiet: Show nothing.
+        say: Gets a line every few seconds, where no bar is drawn.
+        quiet: Draw no bar: lines are said even where there is a terminal.
     """
 
     def __init__(self, what: str, total: int | None, say: Callable[[str], None], quiet: bool = False) -> None:
@@ -45,8 +45,6 @@ class Progress:
             note: What came of it.
         """
         self._done += 1
-        if self._quiet:
-            return
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, description=note)
             return

@@ -56,7 +56,7 @@ class Perceiving:
         clouds: Whether to write a point cloud of each frame; None for recordings of few frames only.
         page: Whether to write report.html.
         say: Progress.
-        quiet: Whether to show no progress.
+        quiet: Whether to draw no bar on a terminal; `say` gets lines then.
 
     Raises:
         ConfigError: On construction, for options that exclude each other.
