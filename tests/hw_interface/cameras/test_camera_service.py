@@ -41,7 +41,7 @@ from tests.hw_interface.test_ros2 import CELL
 from tests.support.robot_side.camera_doubles import LiveSource, SteeredSource, picture
 from tests.support.robot_side.hw_support import robot_process, robot_thread
 from tests.support.robot_side.link_certificates import link
-from tests.support.waiting import until
+from tests.support.waiting import GENEROUS, until
 
 PLACE = np.array([[1.0, 0, 0, 0.1], [0, 1.0, 0, 0.2], [0, 0, 1.0, 0.3], [0, 0, 0, 1.0]])
 
@@ -86,7 +86,7 @@ def served(
 
 def test_a_picture_that_was_taken_before_it_was_asked_for_is_not_given_out():
     source = SteeredSource()
-    with capturing(source) as capture:
+    with capturing(source, max_age=GENEROUS) as capture:
         source.give()
         assert until(lambda: capture.frames == 1)
         threading.Timer(0.1, source.give).start()
@@ -102,28 +102,28 @@ def test_a_camera_that_hangs_is_refused_with_the_age_of_its_newest_picture():
             capture.taken_now()
         source.give(time.time() - 3.0)
         assert until(lambda: capture.frames == 1)
-        with pytest.raises(RefusedError, match=r"'wrist' .*: the newest is 3\.\d\d s old; it has 0\.2 s") as caught:
+        with pytest.raises(RefusedError, match=r"'wrist' .*: the newest is \d\.\d\d s old; it has 0\.2 s") as caught:
             capture.taken_now()
         assert caught.value.code == "stale_frame"
 
 
 def test_only_the_newest_picture_is_kept():
     source = SteeredSource()
+    begun = time.time()
     with capturing(source) as capture:
         for k in range(50):
-            source.give(time.time() + 10.0 + k)  # of the future, so that each would do
+            source.give(begun + 1000.0 + k)  # of the future, so that each would do
         assert until(lambda: capture.frames == 50)
-        assert capture.taken_now().frame.stamp > time.time() + 55.0
+        assert capture.taken_now().frame.stamp == begun + 1049.0
 
 
 def test_an_unplugged_camera_is_refused_with_the_reason_and_wakes_whoever_waits():
     source = SteeredSource()
-    with capturing(source, max_age=30.0) as capture:
+    with capturing(source, max_age=1e6) as capture:
         threading.Timer(0.1, source.fail, ["the cable was pulled"]).start()
-        begun = time.monotonic()
         with pytest.raises(RefusedError, match="camera 'wrist' gives no pictures: the cable was pulled") as caught:
             capture.taken_now()
-        assert caught.value.code == "camera_failed" and time.monotonic() - begun < 5.0
+        assert caught.value.code == "camera_failed"
         assert source.closed or until(lambda: source.closed)
 
 
@@ -163,7 +163,7 @@ def test_where_the_arm_was_is_on_the_line_between_two_states():
     np.testing.assert_allclose(states.at(10.005), 0.05)
     np.testing.assert_allclose(states.at(10.02), 0.2)
     threading.Timer(0.05, states.add, [10.04, (0.4,) * 7]).start()
-    np.testing.assert_allclose(states.at(10.03, patience=2.0), 0.3)
+    np.testing.assert_allclose(states.at(10.03, patience=GENEROUS), 0.3)
 
 
 @pytest.mark.parametrize(
@@ -324,7 +324,7 @@ def test_a_recording_stands_in_for_a_camera_and_ends_as_it_was_told(robot: SimPr
             with pytest.raises(RefusedError, match=r"gives no pictures: the recording 'look\.npz' has ended"):
                 client.frames(["top"])
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20.0)
+        out, err = process.communicate()
     finally:
         process.kill()
     assert process.returncode == 0, err

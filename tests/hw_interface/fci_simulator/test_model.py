@@ -20,7 +20,7 @@ from tests.support.robot_side.control_boxes import control_box
 
 libfranka = pytest.importorskip("panda_py", reason="loads the library with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
-pytestmark = pytest.mark.timeout(90, method="thread")
+pytestmark = pytest.mark.timeout(method="thread")
 
 LOAD = RigidLoad(1.2, np.array([0.02, -0.01, 0.15]), np.diag([0.004, 0.005, 0.006]) + 0.001 * (1 - np.eye(3)))
 F_T_EE = pin.SE3(pin.rpy.rpyToMatrix(0.2, -0.3, -0.8), np.array([0.01, 0.02, 0.1]))

@@ -15,7 +15,7 @@ from tests.support.robot_side.control_boxes import abort_of, control_box, go_hom
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
-pytestmark = pytest.mark.timeout(90, method="thread")
+pytestmark = pytest.mark.timeout(method="thread")
 
 
 @pytest.fixture(scope="module")

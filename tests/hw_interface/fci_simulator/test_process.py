@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +32,11 @@ from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.robot import FrameRequest
 from hw_interface.messages.truth import TruthMessage, TruthRequest
 from tests.support.robot_side.link_certificates import link
+from tests.support.waiting import until
 
 libfranka = pytest.importorskip("panda_py", reason="drives the box with libfranka").libfranka
 # A client that waits for ever inside libfranka can be ended by nothing but the end of its process.
-pytestmark = pytest.mark.timeout(90, method="thread")
+pytestmark = pytest.mark.timeout(method="thread")
 
 COMMAND = [sys.executable, "-m", "replan.main", "robot", "research-interface"]
 
@@ -49,33 +51,22 @@ def listener() -> Iterator[tuple[zenoh.Session, str]]:
 
 @pytest.fixture(scope="module")
 def box(listener: tuple[zenoh.Session, str]) -> Iterator[ControlBoxProcess]:
-    address = free_address(random.Random())
-    with start_control_box([*COMMAND, "--address", address, "--endpoint", listener[1], "--score"]) as process:
+    command = [*COMMAND, "--address", free_address(random.Random()), "--pace", "lockstep"]
+    with start_control_box([*command, "--endpoint", listener[1], "--score"]) as process:
         yield process
 
 
 def picture(session: zenoh.Session, camera: str) -> FrameMessage:
     """A picture, once the cameras are there."""
-    until = time.monotonic() + 20.0
-    while True:
-        try:
-            return ask(session, f"{FRAME_KEY}/{camera}", FrameRequest(), FrameMessage, 10.0)
-        except RobotGoneError:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.2)
+    taken: list[FrameMessage] = []
 
+    def take() -> bool:
+        with suppress(RobotGoneError):
+            taken.append(ask(session, f"{FRAME_KEY}/{camera}", FrameRequest(), FrameMessage, 10.0))
+        return bool(taken)
 
-def test_in_real_time_a_thousand_states_a_second_come_unless_the_machine_is_busy(box: ControlBoxProcess):
-    robot = robot_at(box.address)
-    np.testing.assert_allclose(robot.read_once().q, REST_Q, atol=2e-4)
-    begun, first = time.monotonic(), robot.read_once().time.to_msec()
-    seen: set[int] = set()
-    while time.monotonic() - begun < 0.5:
-        seen.add(robot.read_once().time.to_msec() - first)
-    passed = max(seen)
-    assert 50 < passed <= 1000 * (time.monotonic() - begun) + 10, "robot time never runs ahead of the clock"
-    assert len(seen) > 30
+    assert until(take)
+    return taken[0]
 
 
 def test_cameras_show_the_arm_that_the_client_has_moved(box: ControlBoxProcess, listener: tuple[zenoh.Session, str]):
@@ -85,14 +76,7 @@ def test_cameras_show_the_arm_that_the_client_has_moved(box: ControlBoxProcess, 
     before = picture(session, "static").frame()
     assert before.colour.std() > 10.0 and np.isfinite(before.depth).mean() > 0.5
     again = picture(session, "static").frame()
-    here = desired(robot)
-    for _ in range(3):  # on a busy machine a motion in real time may be aborted for lost packets
-        try:
-            play(robot, swing(here, along(1, 0.8), 3.0))
-            break
-        except RuntimeError:
-            robot.automatic_error_recovery()
-            here = desired(robot)
+    play(robot, swing(desired(robot), along(1, 0.8), 1.5))
     after = picture(session, "static").frame()
 
     def changed(a: Any, b: Any) -> float:
@@ -129,10 +113,10 @@ def test_cameras_reach_a_robot_on_another_machine_with_certificates_only(tmp_pat
         session.close()
 
 
-def test_ctrl_c_ends_it_and_frees_its_ports():
+def test_it_keeps_to_real_time_until_ctrl_c_which_frees_its_ports():
     address = free_address(random.Random())
     process = subprocess.Popen(
-        [*COMMAND, "--address", address, "--pace", "lockstep"],
+        [*COMMAND, "--address", address],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -141,9 +125,17 @@ def test_ctrl_c_ends_it_and_frees_its_ports():
     try:
         assert process.stdout is not None
         ready = json.loads(process.stdout.readline())
-        assert ready["endpoint"] == address and ready["control_port"] is None and ready["pace"] == "lockstep"
+        assert ready["endpoint"] == address and ready["control_port"] is None and ready["pace"] == "real-time"
+        robot = robot_at(address)
+        np.testing.assert_allclose(robot.read_once().q, REST_Q, atol=2e-4)
+        begun, first = time.monotonic(), robot.read_once().time.to_msec()
+        seen = {first}
+        while len(seen) < 100:  # at 1 kHz a tenth of a second, if the machine is not busy
+            seen.add(robot.read_once().time.to_msec())
+        passed = max(seen) - first
+        assert passed <= 1000 * (time.monotonic() - begun) + 10, "robot time never runs ahead of the clock"
         os.kill(process.pid, signal.SIGINT)
-        _, errors = process.communicate(timeout=20)
+        _, errors = process.communicate()
     finally:
         process.kill()
     assert process.returncode == 0
@@ -153,5 +145,5 @@ def test_ctrl_c_ends_it_and_frees_its_ports():
 
 
 def test_an_unknown_cell_is_named_in_one_line():
-    done = subprocess.run([*COMMAND, "--cell", "nowhere"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*COMMAND, "--cell", "nowhere"], capture_output=True, text=True)
     assert done.returncode == 2 and "nowhere" in done.stderr and "Traceback" not in done.stderr

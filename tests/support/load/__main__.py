@@ -6,7 +6,9 @@
 
 Arguments from the first that is not an option of this command go to pytest; `--` comes before options of pytest.
 Stalled are the processes that tests start: robot processes, cells, clients. The processes that run the tests are not,
-unless `--stall-workers` asks for it. Whatever was started here is ended here, also after Ctrl-C, SIGTERM or SIGHUP.
+unless `--stall-workers` asks for it. Nor are simulated control boxes: a real one is a computer of its own that keeps
+its milliseconds, and libfranka gives up on one that is silent for a second. Whatever was started here is ended here,
+also after Ctrl-C, SIGTERM or SIGHUP.
 Exit code: 0 if every test of every run passed, 1 if not, 130 when interrupted.
 """
 
@@ -39,6 +41,7 @@ from tests.support.load.stalls import Stalls
 
 ROOT = Path(__file__).resolve().parents[3]
 SUITE = ["-n", "2", "--dist", "loadfile", "tests"]
+SPARED = ("research-interface", "research_interface", "control_box_process")  # in the command line of a control box
 TICK = 0.02  # between two looks at the processes, in [s]
 PATIENCE = 30.0  # for pytest to end after an interruption, in [s]
 # Ends by itself with its parent, should that be killed.
@@ -87,11 +90,12 @@ class Interruption:
 
 
 def stallable(folder: Path, workers_too: bool) -> list[Process]:
-    """Living processes that tests have started, and the ones that run the tests where asked for."""
+    """Living processes that tests have started but for control boxes, and the ones that run the tests if asked for."""
     table = process_table()
     workers = {int(file.name) for file in (folder / WORKERS).iterdir()}
     ours = {process.pid: process for process in descendants([os.getpid()], table)}
-    started = descendants(workers & set(ours), table)
+    below = descendants(workers & set(ours), table)
+    started = [process for process in below if not any(part in process.command for part in SPARED)]
     return started + [ours[pid] for pid in sorted(workers & set(ours)) if workers_too]
 
 

@@ -40,3 +40,12 @@ def abort_of(robot: Any, samples: np.ndarray, at: Callable[[int], object] = lamb
     except RuntimeError as error:
         return str(error)
     raise AssertionError("the motion reached its end")
+
+
+def later(robot: Any, seconds: float) -> Any:
+    """The robot's state when some more robot time has passed."""
+    state = robot.read_once()
+    due = state.time.to_msec() + round(1000 * seconds)
+    while state.time.to_msec() < due:
+        state = robot.read_once()
+    return state
