@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.structure import circles, class_names, folder_widths, imported_modules, modules, room_of
+
 ROOT = Path(__file__).resolve().parents[1]
 ARROWS = {
     "perception": set(),
@@ -113,35 +115,6 @@ def test_a_folder_imports_only_what_the_design_allows(folder):
         assert not forbidden, f"{file.relative_to(ROOT)} imports {sorted(forbidden)}"
 
 
-def modules() -> dict[str, Path]:
-    """Files of the folders by dotted name; a package stands for its `__init__.py`."""
-    files = {}
-    for file in (file for folder in ARROWS for file in (ROOT / folder).rglob("*.py")):
-        parts = file.relative_to(ROOT).with_suffix("").parts
-        files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return files
-
-
-def imported_modules(file: Path, known: dict[str, Path]) -> set[str]:
-    """Modules of the folders that a file imports, wherever in the file it does."""
-    names = set()
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names if alias.name in known}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                names |= {inner if inner in known else node.module} & set(known)
-    return names
-
-
-def room_of(module: str, known: dict[str, Path]) -> str:
-    """The room that a module lies in, as "folder.room", or the module itself where it lies in none."""
-    folder, *rest = module.split(".")
-    inside = len(rest) > 1 or (rest and known[module].name == "__init__.py")
-    return f"{folder}.{rest[0]}" if inside else module
-
-
 @pytest.mark.parametrize("folder", sorted(ROOMS))
 def test_a_room_imports_only_what_its_folder_allows(folder):
     known, rooms = modules(), ROOMS[folder]
@@ -159,12 +132,12 @@ def test_a_room_imports_only_what_its_folder_allows(folder):
                 assert allowed, f"{module} imports {other}; '{room}' may import {sorted(rooms[name])}"
 
 
-@pytest.mark.parametrize("folder", sorted(ROOMS))
-def test_no_circle_runs_through_the_rooms(folder):
-    left = {name: set(allowed) for name, allowed in ROOMS[folder].items()}
-    while free := [name for name, allowed in left.items() if not allowed]:
-        left = {name: allowed - set(free) for name, allowed in left.items() if name not in free}
-    assert not left, f"rooms of {folder} that import each other in a circle: {sorted(left)}"
+def test_no_circle_runs_through_the_rooms():
+    assert not circles(modules())
+
+
+def test_no_class_name_stands_twice():
+    assert not [name for name, count in class_names(modules()).items() if count > 1]
 
 
 def test_only_scorers_and_the_simulated_cell_know_the_truth():
@@ -176,11 +149,8 @@ def test_only_scorers_and_the_simulated_cell_know_the_truth():
 
 
 def test_no_folder_is_too_wide():
-    for folder in {file.parent for top in (*ARROWS, "tests", "benchmarks") for file in (ROOT / top).rglob("*.py")}:
-        wide = [file.name for file in folder.glob("*.py") if file.name != "__init__.py"]
-        assert len(wide) <= WIDEST, (
-            f"{folder.relative_to(ROOT)} holds {len(wide)} modules; a folder has {WIDEST} at most"
-        )
+    wide = {str(folder): count for folder, count in folder_widths().items() if count > WIDEST}
+    assert not wide, f"a folder holds {WIDEST} modules at most"
 
 
 def modules_after(statement: str) -> set[str]:

@@ -22,13 +22,13 @@ ModelName = Literal["bowl", "kettle"]  # built by `sim_check.objects.library`
 VisualName = Literal["boards", "apple"]  # drawn by `sim_check.models.object_visuals`
 
 
-class Strict(BaseModel):
+class StrictEntry(BaseModel):
     """A part of the file: unknown keys and numbers that are not finite are mistakes, values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class ColourEntry(Strict):
+class ColourEntry(StrictEntry):
     """A colour word.
 
     Attributes:
@@ -56,7 +56,7 @@ class ColourEntry(Strict):
         return self
 
 
-class MaterialEntry(Strict):
+class MaterialEntry(StrictEntry):
     """A material that is named in the place of a colour.
 
     Attributes:
@@ -72,7 +72,7 @@ class MaterialEntry(Strict):
     prompt_words: tuple[str, ...] = ()
 
 
-class FurnitureEntry(Strict):
+class FurnitureEntry(StrictEntry):
     """Words for a kind of furniture; the key is what people call it first.
 
     Attributes:
@@ -90,7 +90,7 @@ class FurnitureEntry(Strict):
     unsaid_colours: tuple[Word, ...] = ()
 
 
-class LookEntry(Strict):
+class LookEntry(StrictEntry):
     """How detection by colour and shape knows a thing; a thing without a look is left to learned weights.
 
     Attributes:
@@ -112,7 +112,7 @@ class LookEntry(Strict):
         return self
 
 
-class BodyEntry(Strict):
+class BodyEntry(StrictEntry):
     """How the object library builds a thing; one without a body is built as the solid that was seen.
 
     Attributes:
@@ -142,7 +142,7 @@ class BodyEntry(Strict):
         return self
 
 
-class DrawnEntry(Strict):
+class DrawnEntry(StrictEntry):
     """How random scenes draw a thing, and which words name it there.
 
     Attributes:
@@ -174,7 +174,7 @@ class DrawnEntry(Strict):
         return self
 
 
-class ObjectEntry(Strict):
+class ObjectEntry(StrictEntry):
     """Everything that is known of one noun.
 
     Attributes:
@@ -204,7 +204,7 @@ class ObjectEntry(Strict):
         return self
 
 
-class UnknownEntry(Strict):
+class UnknownEntry(StrictEntry):
     """What is taken of a thing whose noun has no entry.
 
     Attributes:
@@ -221,7 +221,7 @@ class UnknownEntry(Strict):
     paint: Word
 
 
-class CatalogueFile(Strict):
+class CatalogueFile(StrictEntry):
     """A whole file.
 
     Attributes:
