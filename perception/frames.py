@@ -1,13 +1,15 @@
 """RGB-D frames: the only thing that perception takes in. Needs numpy only."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from perception.errors import FrameError
 
 
-def _read_only(array: np.ndarray) -> np.ndarray:
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The array, contiguous and closed to writing; a copy only where it is not contiguous."""
     array = np.ascontiguousarray(array)
     array.flags.writeable = False
     return array
@@ -84,11 +86,11 @@ class RgbdFrame:
         pose = np.asarray(self.world_T_camera, float)
         if pose.shape != (4, 4) or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-5):
             raise FrameError(f"world_T_camera of camera '{self.camera}' is not a rigid (4, 4) transform")
-        object.__setattr__(self, "colour", _read_only(colour))
-        object.__setattr__(self, "depth", _read_only(depth.astype(np.float32, copy=False)))
-        object.__setattr__(self, "world_T_camera", _read_only(pose))
+        object.__setattr__(self, "colour", read_only(colour))
+        object.__setattr__(self, "depth", read_only(depth.astype(np.float32, copy=False)))
+        object.__setattr__(self, "world_T_camera", read_only(pose))
 
-    @property
+    @cached_property
     def valid_depth(self) -> np.ndarray:
         """Where depth is known: finite and positive, bool, shape (height, width)."""
-        return np.isfinite(self.depth) & (self.depth > 0)
+        return read_only(np.isfinite(self.depth) & (self.depth > 0))

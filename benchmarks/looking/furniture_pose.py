@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.support import estimate_support
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.known_shapes.articulated_fit import KnownFit, fit_known
 from sim_check.cells.loading import load_cell
 from sim_check.furniture.known_models import known_models
@@ -85,9 +84,9 @@ def main() -> None:
             frames = []
             for camera in (c.name for c in world.cameras if c.name in args.cameras):
                 colour, depth, pose, lens = world.render(camera)
-                frames.append(RgbdFrame(colour, depth, lens, pose, 0.0, camera))
+                frames.append(PreparedFrame(colour, depth, lens, pose, 0.0, camera))
             started = time.process_time()
-            fits = fit_known(frames, list(models.values()), estimate_support(frames[0]))
+            fits = fit_known(frames, list(models.values()), frames[0].support)
             seconds.append((time.process_time() - started) / len(models))
             for name, fit in fits.items():
                 if isinstance(fit, str):

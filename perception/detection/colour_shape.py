@@ -14,12 +14,11 @@ from perception.catalogue.appearance import Appearance, Colour
 from perception.catalogue.catalogue import Catalogue
 from perception.catalogue.phrases import Query, parse_phrase
 from perception.detection.cut_pieces import CutBlob, join_cut
+from perception.detection.look_scores import equality, outline_score, rise, size_score, stands_on_something
 from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise, height_map
-from perception.geometry.depth_cleaning import depth_steps
 from perception.geometry.outline import Outline, measure_outline
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.stacks import Ground, StackPart, box_of, filled_share, split_stack
-from perception.geometry.support import estimate_support
 from perception.interfaces import Detection
 
 
@@ -69,10 +68,13 @@ class ColourShapeDetector:
             UnknownPhraseError: A phrase without a known noun and without a colour word.
         """
         queries = [parse_phrase(phrase, self.catalogue) for phrase in phrases]
-        picture = _Picture.of(frame, self.settings)
+        frame = PreparedFrame.of(frame)
+        # A median over 5 x 5 pixels tells a thing from the noise of the table beside it.
+        things = ~frame.valid_depth | (frame.smooth_rises > self.settings.clearance)
+        steps = frame.depth_steps(self.settings.depth_step)
         colours = {colour.word: colour for query in queries for colour in query.colours}
-        pieces = {word: self._pieces(picture, colour) for word, colour in colours.items()}
-        found = [d for query in queries for c in query.colours for d in self._find(picture, query, c, pieces[c.word])]
+        pieces = {word: self._pieces(frame, things, steps, colour) for word, colour in colours.items()}
+        found = [d for query in queries for c in query.colours for d in self._find(frame, query, c, pieces[c.word])]
         return sorted(found, key=lambda d: -d.score)
 
     def other_shape(self, phrase: str) -> str | None:
@@ -83,25 +85,34 @@ class ColourShapeDetector:
         noun = {("angular", "box"): "ball", ("round", "sphere"): "block"}.get((query.look.outline, query.look.solid))
         return None if noun is None else f"{query.colours[0].word} {noun}"
 
-    def _pieces(self, picture: "_Picture", colour: Colour) -> list[tuple[CutBlob, list[StackPart]]]:
-        """Blobs of a colour, each with the things that stand on each other in it, if it is not one thing."""
-        pixels = colour.matches(picture.hsv)
+    def _pieces(
+        self, frame: PreparedFrame, things: np.ndarray, steps: np.ndarray, colour: Colour
+    ) -> list[tuple[CutBlob, list[StackPart]]]:
+        """Blobs of a colour, each with the things that stand on each other in it, if it is not one thing.
+
+        Args:
+            frame: The picture.
+            things: Pixels that may belong to a thing: above the support, or of unknown height, bool.
+            steps: Pixels beside a depth step, bool.
+            colour: The colour.
+        """
+        pixels = colour.matches(frame.hsv)
         # A grey foot cannot be told from a grey table, a red one can.
-        reach = pixels if colour.chromatic else pixels & picture.things
-        blobs = join_cut(self._blobs(pixels & picture.things, reach, picture.steps), picture.depth)
-        return [(b, split_stack(b.pixels, picture.ground) if b.behind is None else []) for b in blobs]
+        reach = pixels if colour.chromatic else pixels & things
+        blobs = join_cut(self._blobs(pixels & things, reach, steps), frame.known_depth)
+        return [(b, split_stack(b.pixels, Ground(frame)) if b.behind is None else []) for b in blobs]
 
     def _find(
-        self, picture: "_Picture", query: Query, colour: Colour, pieces: Sequence[tuple[CutBlob, list[StackPart]]]
+        self, frame: PreparedFrame, query: Query, colour: Colour, pieces: Sequence[tuple[CutBlob, list[StackPart]]]
     ) -> list[Detection]:
         scored, found = [], []
         for blob, parts in pieces:
-            score = self._score(picture, blob, query.look, colour)
+            score = self._score(frame, blob, query.look, colour)
             if not parts or query.look.noun is None:  # a word that says nothing of sizes means all that hangs together
                 scored.append((score, blob))
                 continue
             score *= filled_share(parts)
-            of_parts = [self._part_score(picture, part, query.look, colour) for part in parts]
+            of_parts = [self._part_score(frame, part, query.look, colour) for part in parts]
             if score > max(of_parts):
                 scored.append((score, blob))
                 continue
@@ -138,34 +149,34 @@ class ColourShapeDetector:
                 blobs.append(blob)
         return blobs
 
-    def _score(self, picture: "_Picture", cut: CutBlob, look: Appearance, colour: Colour) -> float:
+    def _score(self, frame: PreparedFrame, cut: CutBlob, look: Appearance, colour: Colour) -> float:
         """How much a blob looks like the noun, 0..1: product of filling, outline, certainty and size."""
         blob = cut.pixels
-        outline = measure_outline(cut.whole, picture.depth)
+        outline = measure_outline(cut.whole, frame.known_depth)
         if outline is None:
             return 0.0
-        score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
+        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, look)
         score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
-        known = blob & np.isfinite(picture.depth)
+        known = blob & np.isfinite(frame.known_depth)
         if known.sum() >= 20:
-            distance = float(np.median(picture.depth[known]))
-            score *= _size_score(outline, look, outline.long_px * distance / picture.focal_px)
-            score *= self._block_score(picture, blob, outline, look)
-        return score if self._may_stand(picture, blob, colour) else 0.0
+            distance = float(np.median(frame.known_depth[known]))
+            score *= size_score(outline, look, outline.long_px * distance / frame.intrinsics.fx)
+            score *= self._block_score(frame, blob, outline, look)
+        return score if self._may_stand(frame, blob, colour) else 0.0
 
-    def _part_score(self, picture: "_Picture", part: StackPart, look: Appearance, colour: Colour) -> float:
+    def _part_score(self, frame: PreparedFrame, part: StackPart, look: Appearance, colour: Colour) -> float:
         """The same for one of several things that stand on each other, whose sizes are known."""
-        outline = measure_outline(part.covered, picture.depth)
-        if outline is None or not self._may_stand(picture, part.pixels, colour):
+        outline = measure_outline(part.covered, frame.known_depth)
+        if outline is None or not self._may_stand(frame, part.pixels, colour):
             return 0.0
-        score = (0.4 + 0.6 * outline.fill) * _outline_score(outline, look)
+        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, look)
         score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
         low, high = look.size
         longest = float(part.sizes.max())
-        score *= _rise(longest / low, 0.6, 0.9) * _rise(-longest / high, -1.7, -1.2)
-        return score * (_equality(float(part.sizes.max() / part.sizes.min())) if look.equal_sides else 1.0)
+        score *= rise(longest / low, 0.6, 0.9) * rise(-longest / high, -1.7, -1.2)
+        return score * (equality(float(part.sizes.max() / part.sizes.min())) if look.equal_sides else 1.0)
 
-    def _block_score(self, picture: "_Picture", blob: np.ndarray, outline: Outline, look: Appearance) -> float:
+    def _block_score(self, frame: PreparedFrame, blob: np.ndarray, outline: Outline, look: Appearance) -> float:
         """Less than 1 for what has corners and is, in the world, too small or too unequal for its noun.
 
         A cube's diagonal in the picture may be as long as a small crate's side; and what is wider than it reaches over
@@ -173,67 +184,27 @@ class ColourShapeDetector:
         """
         if look.outline != "angular":
             return 1.0
-        sizes = picture.ground.box_sizes(blob, 0.0)
-        longest = max(float(sizes[:2].max()), picture.ground.seen_height(blob))
-        score = _rise(longest / (look.size[0] * max(0.3, outline.free)), 0.6, 0.9)
-        width = float(sizes[:2].min()) - 2.0 * picture.ground.height_std(blob)
-        return score * (_equality(width / float(sizes[2])) if look.equal_sides else 1.0)
+        sizes = Ground(frame).box_sizes(blob, 0.0)
+        longest = max(float(sizes[:2].max()), Ground(frame).seen_height(blob))
+        score = rise(longest / (look.size[0] * max(0.3, outline.free)), 0.6, 0.9)
+        width = float(sizes[:2].min()) - 2.0 * Ground(frame).height_std(blob)
+        return score * (equality(width / float(sizes[2])) if look.equal_sides else 1.0)
 
-    def _may_stand(self, picture: "_Picture", blob: np.ndarray, colour: Colour) -> bool:
+    def _may_stand(self, frame: PreparedFrame, blob: np.ndarray, colour: Colour) -> bool:
         """Whether a blob is no link of an arm and no noise of the table."""
         if colour.chromatic:
             return True
-        known = blob & np.isfinite(picture.depth)
+        known = blob & np.isfinite(frame.known_depth)
         # Links of a white, grey or black arm hang in the air; specks of a white table are noise of its height.
-        stands = _stands_on_something(blob, picture.depth)
-        return stands and self._rises(picture, known)
+        stands = stands_on_something(blob, frame.known_depth)
+        return stands and self._rises(frame, known)
 
-    def _rises(self, picture: "_Picture", known: np.ndarray) -> bool:
+    def _rises(self, frame: PreparedFrame, known: np.ndarray) -> bool:
         """Whether the known depths of a blob lie above the support by more than the noise of stereo depth."""
         if known.sum() < 20:
             return False
-        noise = StereoNoise().depth_std(float(np.median(picture.depth[known])), picture.focal_px)
-        return bool(np.median(picture.heights[known]) > self.settings.clearance + 2.0 * noise)
-
-
-@dataclass(frozen=True)
-class _Picture:
-    """What is computed once per frame.
-
-    Attributes:
-        hsv: Hue in [degrees], saturation and value 0..1, shape (height, width, 3).
-        depth: In [m], NaN where unknown, shape (height, width).
-        heights: Above the support in [m], NaN where unknown, shape (height, width).
-        things: Pixels that may belong to a thing: above the support, or of unknown height, bool, same shape.
-        steps: Pixels beside a depth step, bool, same shape.
-        focal_px: In [px].
-        ground: Where its pixels are in the world.
-    """
-
-    hsv: np.ndarray
-    depth: np.ndarray
-    heights: np.ndarray
-    things: np.ndarray
-    steps: np.ndarray
-    focal_px: float
-    ground: Ground
-
-    @classmethod
-    def of(cls, frame: RgbdFrame, settings: ColourShapeSettings) -> "_Picture":
-        valid = frame.valid_depth
-        support = estimate_support(frame).height
-        heights = height_map(frame) - support
-        # A median over 5 x 5 pixels tells a thing from the noise of the table beside it.
-        smooth = cv2.medianBlur(np.where(valid, heights, 0.0).astype(np.float32), 5)
-        return cls(
-            _hsv(frame.colour),
-            np.where(valid, frame.depth, np.nan),
-            heights,
-            ~valid | (smooth > settings.clearance),
-            depth_steps(frame.depth, valid, settings.depth_step),
-            frame.intrinsics.fx,
-            Ground(frame, heights, support, StereoNoise()),
-        )
+        noise = frame.depth_std(float(np.median(frame.known_depth[known])))
+        return bool(np.median(frame.rises[known]) > self.settings.clearance + 2.0 * noise)
 
 
 def _without_parts(scored: Sequence[tuple[float, CutBlob]]) -> list[tuple[float, CutBlob]]:
@@ -246,60 +217,3 @@ def _without_parts(scored: Sequence[tuple[float, CutBlob]]) -> list[tuple[float,
         else:
             kept = [item for item in kept if item is not whole]
     return kept
-
-
-def _hsv(colour: np.ndarray) -> np.ndarray:
-    """Hue in [degrees], saturation and value 0..1 of an RGB picture, float32, shape (height, width, 3)."""
-    smooth = cv2.medianBlur(np.ascontiguousarray(colour), 3)
-    return cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_RGB2HSV)
-
-
-def _outline_score(outline: Outline, look: Appearance) -> float:
-    if look.outline == "round":
-        # A ball of which half is hidden, or beyond the picture's edge, shows as a slice.
-        longest = 2.6 / max(outline.free, 0.4) if look.solid == "sphere" else 2.6
-        return _rise(outline.roundness, 0.50, 0.66) if outline.aspect < longest else 0.0
-    if look.outline == "vessel":  # two ellipses of different size and what lies between
-        return _rise(outline.roundness, 0.38, 0.50) if outline.aspect < 2.6 else 0.0
-    if look.outline == "angular":
-        return _rise(-outline.roundness, -0.66, -0.50) * _rise(-outline.aspect, -4.5, -3.0)
-    if look.outline == "elongated":
-        return _rise(outline.aspect, 1.7, 2.5)
-    return 1.0
-
-
-def _rise(value: float, low: float, high: float) -> float:
-    """0 up to `low`, 1 from `high`, a straight line between."""
-    return float(np.clip((value - low) / (high - low), 0.0, 1.0))
-
-
-def _equality(ratio: float) -> float:
-    """1 for sides that noise alone may make unequal, falling to little: of two things the cube is the one that is."""
-    return 0.3 + 0.7 * _rise(-ratio, -1.8, -1.35)
-
-
-def _size_score(outline: Outline, look: Appearance, long_side: float) -> float:
-    """1 within the noun's sizes, falling to 0 outside; a box seen over its corner shows up to 1.7 of its side.
-
-    Args:
-        outline: Of the blob; where part of it is hidden it may look smaller than it is.
-        look: Of the noun.
-        long_side: Longest visible side in [m].
-    """
-    low, high = look.size
-    high *= 1.2 if look.outline in ("round", "vessel") else 1.7
-    low *= max(0.3, outline.free)
-    if long_side < low:
-        return float(np.clip((long_side / low - 0.6) / 0.3, 0.0, 1.0))
-    return float(np.clip((1.5 - long_side / high) / 0.4, 0.0, 1.0))
-
-
-def _stands_on_something(blob: np.ndarray, depth: np.ndarray, below_px: int = 4, step: float = 0.04) -> bool:
-    """Whether depth goes on without a step at the lower edge of a blob."""
-    height = blob.shape[0]
-    columns = np.nonzero(blob.any(0))[0]
-    lowest = height - 1 - np.argmax(blob[::-1, columns], axis=0)
-    inside, outside = np.clip(lowest - 2, 0, None), np.clip(lowest + below_px, None, height - 1)
-    gap = np.abs(depth[outside, columns] - depth[inside, columns])
-    middle = gap[len(gap) // 4 : max(len(gap) // 4 + 1, 3 * len(gap) // 4)]
-    return bool(np.isfinite(middle).any() and np.nanmedian(middle) < step)

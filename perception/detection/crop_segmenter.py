@@ -19,6 +19,7 @@ from perception.detection.model_files import SEGMENTER, find_model
 from perception.detection.support_pixels import surely_support
 from perception.errors import ModelUnavailableError
 from perception.frames import RgbdFrame
+from perception.geometry.prepared_frame import PreparedFrame
 
 SETTINGS_FILE = "replan.json"
 
@@ -126,7 +127,7 @@ class CropSegmenter:
                     paste_mask(one, window, mask)
         if self.settings.drop_support:
             limits = GrabCutSettings()
-            masks &= ~surely_support(frame, limits.clearance, limits.foot_px)
+            masks &= ~surely_support(PreparedFrame.of(frame), limits.clearance, limits.foot_px)
         return masks
 
 

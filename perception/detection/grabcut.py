@@ -9,8 +9,7 @@ import numpy as np
 
 from perception.detection.support_pixels import surely_support
 from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise, height_map
-from perception.geometry.depth_cleaning import depth_steps
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.resting import levels
 
 
@@ -77,11 +76,14 @@ class GrabCutSegmenter:
         """
         if not len(boxes_px):
             return np.zeros((0, *frame.depth.shape), bool)
+        frame = PreparedFrame.of(frame)
         low = surely_support(frame, self.settings.clearance, self.settings.foot_px)
         seeds = seeds or [None] * len(boxes_px)
         return np.array([self._cut(frame, box, seed, low) for box, seed in zip(boxes_px, seeds, strict=True)])
 
-    def _cut(self, frame: RgbdFrame, box_px: np.ndarray, seed: np.ndarray | None, support: np.ndarray) -> np.ndarray:
+    def _cut(
+        self, frame: PreparedFrame, box_px: np.ndarray, seed: np.ndarray | None, support: np.ndarray
+    ) -> np.ndarray:
         """One mask, bool, shape (height, width); `support` are pixels that are surely not it, same shape."""
         mask = np.zeros(frame.depth.shape, bool)
         width, height = frame.intrinsics.width, frame.intrinsics.height
@@ -128,14 +130,14 @@ class GrabCutSegmenter:
         return mask
 
     def _standing_piece(
-        self, frame: RgbdFrame, crop: tuple[slice, slice], box: tuple[slice, slice]
+        self, frame: PreparedFrame, crop: tuple[slice, slice], box: tuple[slice, slice]
     ) -> np.ndarray | None:
         """Pixels that depth alone gives to the thing in a box, bool, shape of the crop; None if depth cannot tell.
 
         They stand above the level that surrounds the box and hang together without a depth step.
         """
-        heights = height_map(frame)[crop].astype(np.float32)
-        depth = np.where(frame.valid_depth, frame.depth, np.nan)[crop]
+        heights = frame.heights[crop].astype(np.float32)
+        depth = frame.known_depth[crop]
         known = np.isfinite(heights)
         inside = np.zeros(heights.shape, bool)
         inside[box] = True
@@ -148,9 +150,9 @@ class GrabCutSegmenter:
         if not below:
             return None
         smooth = cv2.medianBlur(np.where(known, heights, below[-1]).astype(np.float32), 5)
-        noise = StereoNoise().depth_std(float(np.nanmedian(depth[inside])), frame.intrinsics.fx)
+        noise = frame.depth_std(float(np.nanmedian(depth[inside])))
         standing = known & (smooth > below[-1] + self.settings.standing + noise)
-        standing &= ~depth_steps(depth, known, self.settings.depth_step)
+        standing &= ~frame.depth_steps(self.settings.depth_step)[crop]
         _, labels, stats, _ = cv2.connectedComponentsWithStats(standing.astype(np.uint8), connectivity=4)
         within = np.bincount(labels[inside], minlength=len(stats))
         within[0] = 0

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from perception.estimates import ObjectEstimate
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import world_points
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.interfaces import Detection, ShapeDetector
 
 APART = 0.03  # how far apart two views of one thing may seem beyond their spreads and half its size, in [m]
 
 
 def contradicted(
-    phrase: str, seen: Sequence[ObjectEstimate], frames: Sequence[RgbdFrame], detector: ShapeDetector
+    phrase: str, seen: Sequence[ObjectEstimate], frames: Sequence[PreparedFrame], detector: ShapeDetector
 ) -> str | None:
     """Why what some cameras saw is not of the shape that its noun says, or None if the others do not object.
 
@@ -57,10 +56,10 @@ def _longer_side(box_px: np.ndarray) -> float:
     return float((box_px[2:] - box_px[:2]).max())
 
 
-def _same_place(frame: RgbdFrame, detection: Detection, estimate: ObjectEstimate) -> bool:
+def _same_place(frame: PreparedFrame, detection: Detection, estimate: ObjectEstimate) -> bool:
     known = frame.valid_depth & (detection.seed if detection.seed is not None else False)
     if not known.any():
         return False
-    middle = np.median(world_points(frame, known), axis=0)
+    middle = np.median(frame.points(known), axis=0)
     reach = APART + float(estimate.extents.max()) / 2 + 3.0 * float(np.linalg.norm(estimate.position_std))
     return bool(np.linalg.norm(middle - estimate.position) < reach)

@@ -3,12 +3,10 @@
 import cv2
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import height_map
-from perception.geometry.support import estimate_support
+from perception.geometry.prepared_frame import PreparedFrame
 
 
-def surely_support(frame: RgbdFrame, clearance: float, foot_px: int) -> np.ndarray:
+def surely_support(frame: PreparedFrame, clearance: float, foot_px: int) -> np.ndarray:
     """Pixels that are surely the support: low, like everything around them. bool, shape (height, width).
 
     Args:
@@ -16,10 +14,8 @@ def surely_support(frame: RgbdFrame, clearance: float, foot_px: int) -> np.ndarr
         clearance: Pixels lower than this above the support may be the support, in [m].
         foot_px: Low pixels this near to higher ones may be a thing's foot and do not count, in [px].
     """
-    support = estimate_support(frame)
-    heights = height_map(frame)
-    known = np.isfinite(heights)
-    smooth = cv2.medianBlur(np.where(known, heights, 1.0).astype(np.float32), 3)
-    low = known & (smooth < support.height + clearance)
+    known = frame.valid_depth
+    smooth = cv2.medianBlur(np.where(known, frame.heights, 1.0).astype(np.float32), 3)
+    low = known & (smooth < frame.support.height + clearance)
     size = 2 * foot_px + 1
     return cv2.erode(low.astype(np.uint8), np.ones((size, size), np.uint8)) > 0

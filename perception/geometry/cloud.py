@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from perception.frames import CameraIntrinsics, RgbdFrame
+from perception.frames import CameraIntrinsics
 
 
 @dataclass(frozen=True)
@@ -32,19 +32,18 @@ class StereoNoise:
         return depth**2 * self.disparity_std / (focal_px * self.baseline)
 
 
-def back_project(depth: np.ndarray, pixels: np.ndarray, intrinsics: CameraIntrinsics) -> np.ndarray:
-    """Points in the camera's optical frame in [m], shape (n, 3).
+def back_project(depth: np.ndarray, intrinsics: CameraIntrinsics) -> np.ndarray:
+    """Points of all pixels in the camera's optical frame in [m], shape (height, width, 3).
 
         p = ((u - cx) z / fx, (v - cy) z / fy, z)
 
     Args:
-        depth: In [m], shape (height, width).
-        pixels: bool, shape (height, width); n of them are True. Their depth must be known.
+        depth: In [m], NaN where unknown, shape (height, width); rows v and columns u.
         intrinsics: Of the picture.
     """
-    v, u = np.nonzero(pixels)
-    z = depth[v, u].astype(float)
-    x, y = (u - intrinsics.cx) * z / intrinsics.fx, (v - intrinsics.cy) * z / intrinsics.fy
+    z = depth.astype(float)
+    x = (np.arange(intrinsics.width) - intrinsics.cx) * z / intrinsics.fx
+    y = (np.arange(intrinsics.height) - intrinsics.cy)[:, None] * z / intrinsics.fy
     return np.stack([x, y, z], -1)
 
 
@@ -53,18 +52,18 @@ def to_world(points: np.ndarray, world_T_camera: np.ndarray) -> np.ndarray:
     return points @ world_T_camera[:3, :3].T + world_T_camera[:3, 3]
 
 
-def world_points(frame: RgbdFrame, pixels: np.ndarray) -> np.ndarray:
-    """Points in the world in [m] of those of the given pixels whose depth is known, shape (n, 3), row by row."""
-    return to_world(back_project(frame.depth, pixels & frame.valid_depth, frame.intrinsics), frame.world_T_camera)
+def height_map(depth: np.ndarray, intrinsics: CameraIntrinsics, world_T_camera: np.ndarray) -> np.ndarray:
+    """Height of every pixel above the world's z = 0 in [m], shape (height, width).
 
-
-def height_map(frame: RgbdFrame) -> np.ndarray:
-    """Height of every pixel above the world's z = 0 in [m], shape (height, width), NaN where depth is unknown."""
-    k, pose = frame.intrinsics, frame.world_T_camera
+    Args:
+        depth: In [m], NaN where unknown, shape (height, width).
+        intrinsics: Of the picture.
+        world_T_camera: Pose of the optical frame, shape (4, 4).
+    """
+    k, pose = intrinsics, world_T_camera
     slope_u = pose[2, 0] * (np.arange(k.width) - k.cx) / k.fx
     slope_v = pose[2, 1] * (np.arange(k.height) - k.cy) / k.fy
-    heights = frame.depth * (slope_u[None, :] + slope_v[:, None] + pose[2, 2]) + pose[2, 3]
-    return np.where(frame.valid_depth, heights, np.nan)
+    return depth * (slope_u[None, :] + slope_v[:, None] + pose[2, 2]) + pose[2, 3]
 
 
 def largest_cluster(points: np.ndarray, cell: float = 0.012) -> np.ndarray:

@@ -2,30 +2,18 @@
 
 import cv2
 import numpy as np
-from scipy import ndimage
 
 
-def known_depth(depth: np.ndarray) -> np.ndarray:
-    """Where depth is a finite number above zero, bool, shape (height, width)."""
-    return np.isfinite(depth) & (depth > 0)
-
-
-def depth_steps(depth: np.ndarray, valid: np.ndarray, step: float = 0.03, radius: int = 1) -> np.ndarray:
-    """Pixels beside a depth step, where stereo depth mixes front and back.
+def neighbour_range(depth: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Highest minus lowest known depth among each pixel and its eight neighbours in [m], shape (height, width).
 
     Args:
         depth: In [m], shape (height, width).
-        valid: Where depth is known, bool, same shape.
-        step: Smallest step in [m].
-        radius: How far beside, in [px].
-
-    Returns:
-        bool, shape (height, width).
+        valid: Where depth is known, bool, same shape. Elsewhere the result means nothing.
     """
-    size = 2 * radius + 1
-    highest = ndimage.maximum_filter(np.where(valid, depth, -np.inf), size)
-    lowest = ndimage.minimum_filter(np.where(valid, depth, np.inf), size)
-    return valid & (highest - lowest > step)
+    size = np.ones((3, 3), np.uint8)
+    far = np.finfo(depth.dtype).max
+    return cv2.dilate(np.where(valid, depth, 0), size) - cv2.erode(np.where(valid, depth, far), size)
 
 
 def speckles(depth: np.ndarray, valid: np.ndarray, largest: int = 25, step: float = 0.02) -> np.ndarray:
@@ -47,15 +35,3 @@ def speckles(depth: np.ndarray, valid: np.ndarray, largest: int = 25, step: floa
     kept = millimetres.copy()
     cv2.filterSpeckles(kept, 0.0, largest, 1e3 * step)
     return (millimetres > 0) & (kept == 0)
-
-
-def trusted_depth(depth: np.ndarray, step: float = 0.03, radius: int = 1, largest: int = 25) -> np.ndarray:
-    """Where depth is known, away from steps and no speckle; bool, shape (height, width).
-
-    Args:
-        depth: In [m]; NaN, infinite, zero and negative numbers are unknown. Shape (height, width).
-        step, radius: As in `depth_steps`.
-        largest: As in `speckles`.
-    """
-    known = known_depth(depth)
-    return known & ~depth_steps(depth, known, step, radius) & ~speckles(depth, known, largest)

@@ -34,7 +34,7 @@ def camera_above_plane(
     grid = np.zeros(depth.shape, bool)
     stride = max(1, round(np.sqrt(depth.size / MOST_SAMPLES)))
     grid[::stride, ::stride] = True
-    points = back_project(depth, grid & np.isfinite(depth) & (depth > 0), intrinsics)
+    points = back_project(depth, intrinsics)[grid & np.isfinite(depth) & (depth > 0)]
     if len(points) < 100:
         raise FrameError(
             f"only {len(points)} depth samples are known: too few to find the plane that things stand on; "

@@ -169,19 +169,19 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
 
 
 def own_outline_pixels(
-    mask: np.ndarray, depth: np.ndarray, covering: np.ndarray | None = None, nearer: float = 0.015
+    contour: np.ndarray, mask: np.ndarray, depth: np.ndarray, covering: np.ndarray | None = None, nearer: float = 0.015
 ) -> np.ndarray:
     """The thing's own edge in sub-pixel coordinates, half a pixel outside the outermost pixels, shape (m, 2).
 
     The outline of a convex solid is convex, so dents deeper than 2 px are left out as well.
 
     Args:
+        contour: Border pixels (x, y) of the mask, in order, int, shape (n, 2).
         mask: bool, shape (height, width).
         depth: In [m], NaN where unknown, same shape.
         covering: Pixels of things that stand on or in the thing, bool, same shape, or None.
         nearer: By how much something in front has to be nearer in [m].
     """
-    contour = longest_contour(mask)
     if len(contour) < 12:
         return np.zeros((0, 2))
     own = own_outline(contour, mask, depth, nearer, covering)

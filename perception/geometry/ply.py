@@ -4,7 +4,7 @@ from pathlib import Path
 
 from perception.errors import FrameError
 from perception.frames import RgbdFrame
-from perception.geometry.cloud import world_points
+from perception.geometry.prepared_frame import PreparedFrame
 
 
 def write_ply(frame: RgbdFrame, path: Path) -> int:
@@ -22,8 +22,9 @@ def write_ply(frame: RgbdFrame, path: Path) -> int:
     """
     import open3d
 
+    frame = PreparedFrame.of(frame)
     known = frame.valid_depth
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(world_points(frame, known)))
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(frame.points(known)))
     cloud.colors = open3d.utility.Vector3dVector(frame.colour[known] / 255.0)
     if not open3d.io.write_point_cloud(path, cloud):
         raise FrameError(

@@ -1,15 +1,15 @@
 """From one mask to one upright solid with a spread."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise, largest_cluster, world_points
-from perception.geometry.depth_cleaning import trusted_depth
+from perception.geometry.cloud import largest_cluster
 from perception.geometry.free_form import box_around, is_explained, with_cut_top
+from perception.geometry.outline import longest_contour, own_outline_pixels
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.refinement import Refined, observe, refine, refine_ellipsoid
 from perception.geometry.resting import LowerEnd, find_bottom, lower_end
 from perception.geometry.shape_choice import ANY_KIND, Kind, best_of, first_fits, lying
@@ -24,17 +24,11 @@ class PoseSettings:
     """Settings of the pose estimate.
 
     Attributes:
-        noise: Of the depth.
-        depth_step: Pixels beside a larger step are dropped, in [m].
-        edge_px: How far beside a step pixels are dropped, in [px].
         least_depth_share: Below this share of a mask's pixels with known depth there is no pose.
         least_points: Below this number of usable points there is no pose.
         clearance: Points lower than this above the support may be the support's, in [m].
     """
 
-    noise: StereoNoise = field(default_factory=StereoNoise)
-    depth_step: float = 0.03
-    edge_px: int = 1
     least_depth_share: float = 0.30
     least_points: int = 40
     clearance: float = 0.004
@@ -52,6 +46,7 @@ class MaskedCloud:
         depth_std: Spread of one point along its ray in [m].
         end: What the picture says about the lower end.
         whole: The mask with what something nearer hides between its pieces, bool, same shape.
+        contour: Border pixels (x, y) of the whole, in order, int, shape (m, 2).
     """
 
     mask: np.ndarray
@@ -61,6 +56,7 @@ class MaskedCloud:
     depth_std: float
     end: LowerEnd
     whole: np.ndarray
+    contour: np.ndarray
 
     @property
     def lowest(self) -> float:
@@ -69,7 +65,7 @@ class MaskedCloud:
 
 
 def masked_cloud(
-    frame: RgbdFrame,
+    frame: PreparedFrame,
     mask: np.ndarray,
     table: SupportPlane,
     settings: PoseSettings,
@@ -91,10 +87,10 @@ def masked_cloud(
     share = float(known.sum() / size)
     if share < settings.least_depth_share:
         return f"not enough depth ({share:.0%} of its pixels, {settings.least_depth_share:.0%} are needed)"
-    used = known & trusted_depth(frame.depth, settings.depth_step, settings.edge_px)
+    used = known & frame.trusted_depth
     if used.sum() < max(settings.least_points, 0.3 * known.sum()):
         used = known  # a thing so small or thin that all of it lies beside a step
-    points = world_points(frame, used)
+    points = frame.points(used)
     keep = points[:, 2] > table.at(points[:, 0], points[:, 1]) + settings.clearance
     if behind is None:
         keep[keep] = largest_cluster(points[keep])
@@ -105,16 +101,11 @@ def masked_cloud(
     points = points[keep]
     if len(points) < settings.least_points:
         return f"too few usable depth points ({len(points)}, {settings.least_points} are needed)"
-    distance = float(np.median(frame.depth[used]))
-    return MaskedCloud(
-        mask,
-        used,
-        points,
-        share,
-        settings.noise.depth_std(distance, frame.intrinsics.fx),
-        lower_end(frame, mask if behind is None else mask | behind, np.median(points, 0)),
-        mask if behind is None else mask | behind,
-    )
+    std = frame.depth_std(float(np.median(frame.depth[used])))
+    whole = mask if behind is None else mask | behind
+    contour = longest_contour(whole)
+    end = lower_end(frame, contour, np.median(points, 0))
+    return MaskedCloud(mask, used, points, share, std, end, whole, contour)
 
 
 def _each_pieces_cluster(used: np.ndarray, points: np.ndarray, keep: np.ndarray) -> np.ndarray:
@@ -137,12 +128,11 @@ def _each_pieces_cluster(used: np.ndarray, points: np.ndarray, keep: np.ndarray)
 
 
 def fit_solid(
-    frame: RgbdFrame,
+    frame: PreparedFrame,
     cloud: MaskedCloud,
     shapes: Sequence[Kind],
     table: SupportPlane,
     others: Sequence[Solid],
-    settings: PoseSettings,
     covering: np.ndarray | None = None,
     vessels: Sequence[Solid] = (),
     equal_sides: bool = False,
@@ -155,7 +145,6 @@ def fit_solid(
         shapes: Solids that it may be; of several the one is taken that its points say it is.
         table: Where the table is.
         others: Solids already fitted, one of which may carry the thing.
-        settings: Of the estimate.
         covering: Pixels of things that stand higher and may hide it, bool, shape (height, width), or None.
         vessels: Hollow solids already fitted; a thing inside one rests on a floor that may not be seen.
         equal_sides: Whether the thing is known to be as long as wide as high.
@@ -166,7 +155,8 @@ def fit_solid(
     if inside:
         bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
     first = first_fits(cloud.points, shapes, bottom[0], cloud.depth_std)
-    patches = max(1.0, len(cloud.points) / settings.noise.patch_px)
+    patches = max(1.0, len(cloud.points) / frame.noise.patch_px)
+    outline = own_outline_pixels(cloud.contour, cloud.whole, frame.known_depth, covering)
     refined: dict[Kind, Refined] = {}
     for kind, solid in first.items():
         if kind == "lying cylinder":
@@ -178,9 +168,7 @@ def fit_solid(
             inside or abs(solid.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std
         ):
             rests = (solid.bottom, 1.0)
-        seen = observe(
-            frame, cloud.whole, cloud.points, cloud.depth_std, patches, solid.top, rests, covering, equal_sides
-        )
+        seen = observe(frame, outline, cloud.points, cloud.depth_std, patches, solid.top, rests, equal_sides)
         fitted = refine_ellipsoid(solid, seen) if kind == "ellipsoid" else refine(solid, seen)
         refined[kind] = with_cut_top(fitted, cloud.used, cloud.points)
     if len(refined) == 1:
@@ -192,10 +180,8 @@ def fit_solid(
     return box_around(frame, cloud.used, cloud.points, bottom, cloud.depth_std)
 
 
-def _around(frame: RgbdFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:
-    """Every fourth point that is not the thing's and lies within `reach` [m] of it sideways, shape (m, 3)."""
-    grid = np.zeros(cloud.mask.shape, bool)
-    grid[::4, ::4] = True
-    points = world_points(frame, grid & ~cloud.mask)
+def _around(frame: PreparedFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:
+    """Every few points that is not the thing's and lies within `reach` [m] of it sideways, shape (m, 3)."""
+    points = frame.thinned_points(without=cloud.mask)
     low, high = cloud.points[:, :2].min(0) - reach, cloud.points[:, :2].max(0) + reach
     return points[np.all((points[:, :2] > low) & (points[:, :2] < high), axis=1)]

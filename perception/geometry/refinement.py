@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from perception.frames import RgbdFrame
-from perception.geometry.outline import own_outline_pixels
 from perception.geometry.solids import Solid
 
 OUTLINE_STD_PX = 1.0  # how well a mask's edge is known
@@ -73,13 +72,12 @@ class Refined:
 
 def observe(
     frame: RgbdFrame,
-    mask: np.ndarray,
+    outline: np.ndarray,
     points: np.ndarray,
     point_std: float,
     patches: float,
     top: float,
     bottom: tuple[float, float],
-    covering: np.ndarray | None = None,
     equal_sides: bool = False,
     most_outline: int = 90,
     most_points: int = 200,
@@ -88,18 +86,15 @@ def observe(
 
     Args:
         frame: The picture.
-        mask: Pixels of the thing, bool, shape (height, width).
+        outline: The thing's own outline in [px], shape (k, 2).
         points: In the world in [m], shape (n, 3).
         point_std: Spread of one point in [m].
         patches: Number of points that err independently.
         top: Height of the upper surface in [m].
         bottom: Height of the support and its spread, in [m].
-        covering: Pixels of things that stand on or in the thing, bool, shape (height, width), or None.
         equal_sides: Whether the thing is known to be as long as wide as high.
         most_outline, most_points: How many to keep.
     """
-    depth = np.where(frame.valid_depth, frame.depth, np.nan)
-    outline = own_outline_pixels(mask, depth, covering)
     outline = outline[:: max(1, len(outline) // most_outline)]
     points = points[:: max(1, len(points) // most_points)]
     return Observation(frame, outline, points, point_std, patches, top, *bottom, equal_sides)

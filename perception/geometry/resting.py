@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.frames import RgbdFrame
-from perception.geometry.cloud import world_points
-from perception.geometry.outline import longest_contour, outward_normals
+from perception.geometry.outline import outward_normals
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import Solid
 from perception.geometry.support import SupportPlane
 
@@ -36,17 +36,18 @@ class LowerEnd:
     px_per_metre: float
 
 
-def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int = 5, step: float = 0.02) -> LowerEnd:
+def lower_end(
+    frame: PreparedFrame, contour: np.ndarray, centre: np.ndarray, reach: int = 5, step: float = 0.02
+) -> LowerEnd:
     """Look across the edge of a mask that gravity points to.
 
     Args:
         frame: The picture.
-        mask: Pixels of the thing, bool, shape (height, width).
+        contour: Border pixels (x, y) of its mask, in order, int, shape (n, 2).
         centre: Some point of the thing in the world in [m], shape (3,).
         reach: How far beyond the edge to look in [px].
         step: By how much depth must change to count in [m].
     """
-    contour = longest_contour(mask)
     if len(contour) < 12:
         return LowerEnd(True, False, float("nan"), 0.0)
     normals = outward_normals(contour)
@@ -63,13 +64,13 @@ def lower_end(frame: RgbdFrame, mask: np.ndarray, centre: np.ndarray, reach: int
     limits = np.array([width - 1, height - 1])
     beyond = np.clip(np.round(edge + reach * normals).astype(int), 0, limits)
     within = np.clip(np.round(edge - 2 * normals).astype(int), 0, limits)
-    depth = np.where(frame.valid_depth, frame.depth, np.nan)
+    depth = frame.known_depth
     inside = depth[within[:, 1], within[:, 0]]
     gap = inside - depth[beyond[:, 1], beyond[:, 0]]
     gap = gap[np.isfinite(gap)]
-    foot = np.zeros_like(mask)
+    foot = np.zeros(depth.shape, bool)
     foot[within[:, 1], within[:, 0]] = True
-    points = world_points(frame, foot)
+    points = frame.points(foot)
     low = float(np.median(points[:, 2])) if len(points) >= 3 else float("nan")
     if len(gap) == 0:
         return LowerEnd(False, False, low, scale)

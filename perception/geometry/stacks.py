@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise, back_project, to_world
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import fit_box
 from perception.interfaces import Detection
 
@@ -56,21 +55,19 @@ class Ground:
 
     Attributes:
         frame: The picture.
-        heights: Above the support in [m], NaN where unknown, shape (height, width).
-        support: Height of the support above the world's z = 0 in [m].
-        noise: Of the depth.
     """
 
-    frame: RgbdFrame
-    heights: np.ndarray
-    support: float
-    noise: StereoNoise
+    frame: PreparedFrame
+
+    @property
+    def heights(self) -> np.ndarray:
+        """Above the support in [m], NaN where unknown, shape (height, width)."""
+        return self.frame.rises
 
     def places(self, pixels: np.ndarray) -> np.ndarray:
         """(x, y) in the world and height above the support of pixels with known depth, in [m], shape (n, 3)."""
         known = pixels & self.frame.valid_depth
-        points = to_world(back_project(self.frame.depth, known, self.frame.intrinsics), self.frame.world_T_camera)
-        return np.c_[points[:, :2], self.heights[known]]
+        return np.c_[self.frame.cloud[known][:, :2], self.heights[known]]
 
     def height_std(self, pixels: np.ndarray) -> float:
         """Spread of one pixel's height in [m]: of its depth, by how steeply one looks down on it."""
@@ -78,7 +75,7 @@ class Ground:
         lens, pose = self.frame.intrinsics, self.frame.world_T_camera
         v, u = (float(np.mean(index)) for index in np.nonzero(pixels))
         rise = pose[2, :3] @ np.array([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1.0])
-        return abs(float(rise)) * self.noise.depth_std(float(np.median(depth)), lens.fx)
+        return abs(float(rise)) * self.frame.depth_std(float(np.median(depth)))
 
     def box_sizes(self, pixels: np.ndarray, bottom: float) -> np.ndarray:
         """Sizes of the upright box from a height [m] up around what pixels show, in [m], shape (3,)."""
@@ -96,7 +93,7 @@ class Ground:
         lens, pose = self.frame.intrinsics, self.frame.world_T_camera
         lines = []
         for height in (points[:, 2], np.full(len(points), level)):
-            local = (np.c_[points[:, :2], height + self.support] - pose[:3, 3]) @ pose[:3, :3]
+            local = (np.c_[points[:, :2], height + self.frame.support.height] - pose[:3, 3]) @ pose[:3, :3]
             scale = np.maximum(local[:, 2:], 0.02)
             lines.append(np.round(local[:, :2] / scale * [lens.fx, lens.fy] + [lens.cx, lens.cy]).astype(np.int32))
         drawn = np.zeros(pixels.shape, np.uint8)

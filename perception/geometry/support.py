@@ -4,9 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import world_points
-
 
 @dataclass(frozen=True)
 class SupportPlane:
@@ -35,27 +32,25 @@ class SupportSettings:
         band: Heights around the world's z = 0 that may be the table top, in [m].
         inlier: Half thickness of the plane for its last fit, in [m].
         max_slope: Steepest plane that is believed, in [m/m]; steeper ones are replaced by their height alone.
-        min_share: Share of the known depths that must lie on the plane.
-        stride: Only every n-th row and column is used.
+        min_share: Share of the points that must lie on the plane.
     """
 
     band: float = 0.06
     inlier: float = 0.012
     max_slope: float = 0.035
     min_share: float = 0.02
-    stride: int = 4
 
 
-def estimate_support(frame: RgbdFrame, settings: SupportSettings | None = None) -> SupportPlane:
+def estimate_support(points: np.ndarray, settings: SupportSettings | None = None) -> SupportPlane:
     """Fit the table top: the fullest height near z = 0, then least squares of z = h + a x + b y, trimmed twice.
 
-    Gravity is the world's -z, known through `frame.world_T_camera`. When too little of the picture lies near z = 0
-    the plane z = 0 is assumed and says so.
+    Gravity is the world's -z. When too little of the picture lies near z = 0 the plane z = 0 is assumed and says so.
+
+    Args:
+        points: Of a whole picture, thinned evenly, in the world in [m], shape (n, 3).
+        settings: How it is looked for.
     """
     s = settings or SupportSettings()
-    grid = np.zeros(frame.depth.shape, bool)
-    grid[:: s.stride, :: s.stride] = True
-    points = world_points(frame, grid)
     near = points[np.abs(points[:, 2]) < s.band]
     if len(near) < max(50, s.min_share * len(points)):
         return SupportPlane(0.0, (0.0, 0.0), False)

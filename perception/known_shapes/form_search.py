@@ -6,12 +6,14 @@ from dataclasses import replace
 from perception.catalogue.catalogue import Catalogue, builtin_catalogue
 from perception.catalogue.colour_words import colour_of
 from perception.estimates import ObjectEstimate
-from perception.frames import RgbdFrame
+from perception.geometry.depth_rays import joined
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.support import SupportPlane
 from perception.known_shapes.articulated_fit import KnownFit
-from perception.known_shapes.form_fit import FormFit, FormSettings, fit_form, form_estimate
+from perception.known_shapes.fit_settings import FormSettings
+from perception.known_shapes.fitted_estimates import form_estimate
+from perception.known_shapes.form_fit import FormFit, fit_form
 from perception.known_shapes.forms import KnownForm
-from perception.known_shapes.rays import depth_rays
 from perception.known_shapes.residual_clusters import distance_to_known, pieces, unexplained
 
 STRIDE = 2  # every how many rows and columns of the pictures are used
@@ -23,7 +25,7 @@ def forms_of(names: Sequence[str], forms: Mapping[str, KnownForm]) -> dict[str, 
 
 
 def find_forms(
-    frames: Sequence[RgbdFrame],
+    frames: Sequence[PreparedFrame],
     asked: Mapping[str, KnownForm],
     table: SupportPlane,
     standing: Sequence[KnownFit],
@@ -43,7 +45,7 @@ def find_forms(
     Returns:
         Estimates by name, the best agreeing first; an empty list where there is none.
     """
-    rays = depth_rays(frames, settings.noise, STRIDE)
+    rays = joined([frame.rays(STRIDE) for frame in frames])
     known = distance_to_known(rays, table, standing)
     parts = pieces(rays, unexplained(rays, table, known))
     boards = [board for fit in standing for board in fit.model.carriers(fit.world_T_model)]

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise
-from perception.geometry.depth_cleaning import depth_steps
+from perception.geometry.depth_rays import DepthRays
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import Solid
 from perception.known_shapes.models import KnownBox, KnownModel
-from perception.known_shapes.rays import DepthRays
 
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a joint that are tried
 STRIDE = 2  # places are tried in steps of this many cubes
@@ -72,9 +70,7 @@ class Marks:
         return np.where(inside, self.mark.ravel()[flat], 0.0)
 
 
-def marked_space(
-    frames: Sequence[RgbdFrame], low: np.ndarray, high: np.ndarray, cell: float, noise: StereoNoise
-) -> Marks:
+def marked_space(frames: Sequence[PreparedFrame], low: np.ndarray, high: np.ndarray, cell: float) -> Marks:
     """Judge every cube between two corners.
 
     With b = cell + 2 sigma and s the measured minus the cube's depth, a camera's mark is 1 - (s/b)^2 where |s| < b,
@@ -86,15 +82,14 @@ def marked_space(
     total = np.zeros(len(centres))
     for frame in frames:
         k, pose = frame.intrinsics, frame.world_T_camera
-        trusted = frame.valid_depth & ~depth_steps(frame.depth, frame.valid_depth, 0.05)
-        depth = np.where(trusted, frame.depth, np.nan)
+        depth = np.where(frame.depth_steps(0.05), np.nan, frame.known_depth)
         local = (centres - pose[:3, 3]) @ pose[:3, :3]
         z = np.maximum(local[:, 2], 1e-3)
         u = np.round(k.fx * local[:, 0] / z + k.cx)
         v = np.round(k.fy * local[:, 1] / z + k.cy)
         seen = (local[:, 2] > 0.05) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
         behind = depth[v[seen].astype(int), u[seen].astype(int)] - z[seen]
-        wide = cell + 2.0 * noise.depth_std(1.0, k.fx) * z[seen] ** 2
+        wide = cell + 2.0 * frame.depth_std(1.0) * z[seen] ** 2
         share = behind / wide
         mark = np.where(np.abs(share) < 1.0, 1.0 - share**2, 0.0)
         mark = np.where(share >= 1.0, np.maximum(1.0 - share, -1.0), mark)
@@ -103,12 +98,11 @@ def marked_space(
 
 
 def places(
-    frames: Sequence[RgbdFrame],
+    frames: Sequence[PreparedFrame],
     rays: DepthRays,
     model: KnownModel,
     support: float,
     taken: Sequence[Solid],
-    noise: StereoNoise,
     settings: SearchSettings | None = None,
 ) -> list[np.ndarray]:
     """The likeliest (x, y in [m], yaw in [rad], fractions of the parts) of a standing model, best first.
@@ -119,7 +113,6 @@ def places(
         model: What is looked for.
         support: Height of what it stands on in [m].
         taken: What was found already: no other thing has its middle there.
-        noise: Of the depth.
         settings: Of the search.
     """
     s = settings or SearchSettings()
@@ -134,7 +127,7 @@ def places(
     cell = float(np.clip(model.extents.min() / 6, 0.008, s.cell))
     border = int(np.ceil(model.reach / cell)) + 1
     margin = np.array([border, border, 0.0]) * cell
-    marks = marked_space(frames, low - margin, high + margin, cell, noise)
+    marks = marked_space(frames, low - margin, high + margin, cell)
 
     rng = np.random.default_rng(0)
     fixed = _face_points(model.boxes, s.samples, rng)

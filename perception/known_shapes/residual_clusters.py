@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from perception.geometry.depth_rays import DepthRays
 from perception.geometry.support import SupportPlane
-from perception.known_shapes.articulated_fit import KnownFit, distance_to_support
-from perception.known_shapes.rays import DepthRays, cast
+from perception.known_shapes.articulated_fit import KnownFit
+from perception.known_shapes.ray_casting import cast
+from perception.known_shapes.ray_costs import distance_to_support
 
 CLEARANCE = 0.008  # points lower than this above the support, and the noise, are the support's, in [m]
 MARGIN = 0.012  # the same of known furniture: handles are rounder than their boxes, in [m]

@@ -43,7 +43,7 @@ def test_labelled_pixels_lie_inside_the_things_own_box(pictures):
         for seen in picture.seen:
             if seen.joint_fractions:
                 continue  # open doors reach out of the body's box
-            points = back_project(picture.depth, picture.labels == seen.label, picture.intrinsics)
+            points = back_project(picture.depth, picture.intrinsics)[picture.labels == seen.label]
             world = to_world(points, picture.world_T_camera)
             local = (world - seen.world_T_object[:3, 3]) @ seen.world_T_object[:3, :3]
             beyond = (np.abs(local) - seen.thing.extents / 2).max()

@@ -7,15 +7,16 @@ import pytest
 
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate
-from perception.frames import CameraIntrinsics, RgbdFrame
-from perception.geometry.cloud import StereoNoise, back_project, height_map, largest_cluster, world_points
-from perception.geometry.depth_cleaning import depth_steps, known_depth, speckles, trusted_depth
+from perception.frames import CameraIntrinsics
+from perception.geometry.cloud import StereoNoise, back_project, largest_cluster
+from perception.geometry.depth_cleaning import speckles
 from perception.geometry.gravity_alignment import camera_above_plane
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.refinement import Refined, outline_distance, sphere_rim
 from perception.geometry.resting import LowerEnd, find_bottom, levels
 from perception.geometry.shape_choice import Kind, best_of, first_fits, lying
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
-from perception.geometry.support import SupportPlane, estimate_support
+from perception.geometry.support import SupportPlane
 from perception.tracking.merging import merge, turned_like
 from tests.support.scenes.perception_scenes import look_at
 
@@ -34,49 +35,54 @@ def box_surface(centre, half, yaw, rng, n=3000):
     return local @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T + centre
 
 
+def with_depth(depth: np.ndarray) -> PreparedFrame:
+    """A frame of this depth by a camera at the world's origin."""
+    height, width = depth.shape
+    lens = CameraIntrinsics(width, height, 60.0, 60.0, (width - 1) / 2, (height - 1) / 2)
+    return PreparedFrame(np.zeros((height, width, 3), np.uint8), depth, lens, np.eye(4), 0.0)
+
+
 def test_a_point_on_the_optical_axis_lies_straight_ahead():
-    depth = np.full((48, 64), 2.0)
-    pixels = np.zeros((48, 64), bool)
-    pixels[23, 31] = True
-    assert back_project(depth, pixels, LENS) == pytest.approx(np.array([[-0.5 * 2 / 60, -0.5 * 2 / 60, 2.0]]))
+    points = back_project(np.full((48, 64), 2.0), LENS)
+    assert points[23, 31] == pytest.approx(np.array([-0.5 * 2 / 60, -0.5 * 2 / 60, 2.0]))
 
 
 def test_the_height_map_agrees_with_the_points():
     pose = look_at((1.0, 0.2, 0.8), (0.3, 0.0, 0.0))
     rng = np.random.default_rng(0)
-    frame = RgbdFrame(np.zeros((48, 64, 3), np.uint8), rng.uniform(0.5, 2, (48, 64)), LENS, pose, 0.0)
-    everywhere = np.ones((48, 64), bool)
-    assert height_map(frame).ravel() == pytest.approx(world_points(frame, everywhere)[:, 2], abs=1e-6)
+    frame = PreparedFrame(np.zeros((48, 64, 3), np.uint8), rng.uniform(0.5, 2, (48, 64)), LENS, pose, 0.0)
+    assert frame.heights == pytest.approx(frame.cloud[..., 2], abs=1e-6)
 
 
 def test_pixels_beside_a_depth_step_are_marked_and_others_are_not():
     depth = np.full((5, 8), 1.0)
     depth[:, 4:] = 1.05
-    marked = depth_steps(depth, np.isfinite(depth), step=0.03)
+    marked = with_depth(depth).depth_steps(0.03)
     assert marked[2].tolist() == [False, False, False, True, True, False, False, False]
-    assert not depth_steps(depth, np.isfinite(depth), step=0.06).any()
+    assert not with_depth(depth).depth_steps(0.06).any()
 
 
 def test_unknown_depth_is_no_step():
     depth = np.full((5, 5), 1.0)
     depth[2, 2] = np.nan
-    assert not depth_steps(depth, np.isfinite(depth)).any()
+    assert not with_depth(depth).depth_steps(0.03).any()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, -1.0])
 def test_numbers_that_are_no_depth_are_unknown(bad):
     depth = np.full((9, 9), 1.0)
     depth[4, 4] = bad
-    unknown = np.argwhere(~known_depth(depth))
-    assert unknown.tolist() == [[4, 4]]
-    assert np.argwhere(~trusted_depth(depth)).tolist() == [[4, 4]]
+    frame = with_depth(depth)
+    assert np.argwhere(~frame.valid_depth).tolist() == [[4, 4]]
+    assert np.argwhere(np.isnan(frame.known_depth)).tolist() == [[4, 4]]
+    assert np.argwhere(~frame.trusted_depth).tolist() == [[4, 4]]
 
 
 def test_a_pixel_that_flies_between_front_and_back_is_not_trusted_nor_are_its_neighbours():
     depth = np.full((9, 12), 1.0)
     depth[:, 6:] = 1.5
     depth[4, 6] = 1.25
-    trusted = trusted_depth(depth)
+    trusted = with_depth(depth).trusted_depth
     assert not trusted[:, 5:7].any() and trusted[:, :5].all() and trusted[:, 8:].all()
 
 
@@ -84,7 +90,7 @@ def test_a_speckle_is_dropped_and_a_patch_is_kept():
     depth = np.full((40, 40), 1.0)
     depth[5:9, 5:9] = 0.97  # 16 pixels
     depth[20:30, 20:30] = 0.97  # 100 pixels
-    dropped = speckles(depth, known_depth(depth))
+    dropped = speckles(depth, np.ones(depth.shape, bool))
     assert dropped[5:9, 5:9].all() and dropped.sum() == 16
 
 
@@ -190,24 +196,24 @@ def test_levels_are_where_many_points_lie():
     assert levels(np.stack([z * 0, z * 0, z], -1)) == pytest.approx([0.0, 0.1], abs=0.003)
 
 
-def plane_frame(pose: np.ndarray, rng: np.random.Generator, height: float = 0.0) -> RgbdFrame:
+def plane_frame(pose: np.ndarray, rng: np.random.Generator, height: float = 0.0) -> PreparedFrame:
     """A camera that sees nothing but a table of the given height, through 2 mm of noise."""
     v, u = np.mgrid[0:48, 0:64]
     rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones((48, 64))], -1) @ pose[:3, :3].T
     depth = (height - pose[2, 3]) / rays[..., 2]
     depth = np.where((depth > 0) & (depth < 4), depth + rng.normal(0, 0.002, depth.shape), np.nan)
-    return RgbdFrame(np.zeros((48, 64, 3), np.uint8), depth, LENS, pose, 0.0)
+    return PreparedFrame(np.zeros((48, 64, 3), np.uint8), depth, LENS, pose, 0.0)
 
 
 def test_the_support_is_found_where_the_table_really_is():
     frame = plane_frame(look_at((1.0, 0.0, 0.7), (0.4, 0.0, 0.0)), np.random.default_rng(0), height=0.012)
-    support = estimate_support(frame)
+    support = frame.support
     assert support.seen and support.at(0.4, 0.0) == pytest.approx(0.012, abs=0.002)
 
 
 def test_a_picture_without_a_table_assumes_zero_and_says_so():
     frame = plane_frame(look_at((1.0, 0.0, 0.7), (0.4, 0.0, 0.0)), np.random.default_rng(0), height=0.4)
-    assert estimate_support(frame) == SupportPlane(0.0, (0.0, 0.0), False)
+    assert frame.support == SupportPlane(0.0, (0.0, 0.0), False)
 
 
 def test_a_camera_without_a_pose_is_levelled_by_the_plane_it_sees():

@@ -7,9 +7,8 @@ import pytest
 
 from perception.detection.colour_shape import ColourShapeDetector
 from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise, height_map
+from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.stacks import Ground, StackPart, filled_share, own_pixels, split_stack, whole_stack
-from perception.geometry.support import estimate_support
 from perception.interfaces import Detection
 from perception.pipeline import perception_from_options
 from planning.language.relations import find_relations
@@ -22,10 +21,9 @@ ABOVE = {"eye": (0.56, 0.0, 0.75), "target": (0.5, 0.0, 0.0)}
 
 def parts_in(frame: RgbdFrame) -> list[StackPart]:
     """Parts of everything in a picture that is not grey."""
-    support = estimate_support(frame).height
-    heights = height_map(frame) - support
+    ground = Ground(PreparedFrame.of(frame))
     coloured = np.ptp(frame.colour.astype(int), axis=-1) > 60
-    return split_stack(coloured & ~(heights < 0.006), Ground(frame, heights, support, StereoNoise()))
+    return split_stack(coloured & ~(ground.heights < 0.006), ground)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +40,7 @@ def test_a_cube_on_a_crate_of_its_colour_is_two_parts(view):
 
 
 def test_where_the_lower_thing_has_no_depth_nothing_is_cut(red_stack):
-    heights = height_map(red_stack)
+    heights = PreparedFrame.of(red_stack).heights
     lost = (heights > 0.006) & (heights < 0.07)
     assert parts_in(replace(red_stack, depth=np.where(lost, np.nan, red_stack.depth).astype(np.float32))) == []
 

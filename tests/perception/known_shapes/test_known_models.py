@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from perception.estimates import ObjectEstimate, SceneEstimate
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import to_world, world_points
-from perception.geometry.support import estimate_support
-from perception.known_shapes.articulated_fit import KnownFit, KnownSettings, fit_known
+from perception.geometry.cloud import to_world
+from perception.geometry.depth_rays import DepthRays
+from perception.geometry.prepared_frame import PreparedFrame
+from perception.known_shapes.articulated_fit import KnownFit, fit_known
+from perception.known_shapes.fit_settings import KnownSettings
 from perception.known_shapes.models import KnownBox, KnownModel, KnownPart
-from perception.known_shapes.rays import DepthRays, cast
+from perception.known_shapes.ray_casting import cast
 from perception.pipeline import Perception, default_perception
 from perception.scene_file import LookRecord
 from planning.language.relations import find_relations
@@ -28,7 +29,7 @@ def frames_of(world, *cameras):
     taken = []
     for camera in cameras:
         colour, depth, pose, lens = world.render(camera)
-        taken.append(RgbdFrame(colour, depth, lens, pose, 1.0, camera))
+        taken.append(PreparedFrame(colour, depth, lens, pose, 1.0, camera))
     return taken
 
 
@@ -45,7 +46,7 @@ def looked_at(cell_name, fractions, *cameras, seed=3, colour=None):
 
 def fitted(cell_name, frames) -> dict[str, KnownFit]:
     models = known_models(load_cell(cell_name).furniture)
-    fits = fit_known(frames, list(models.values()), estimate_support(frames[0]))
+    fits = fit_known(frames, list(models.values()), frames[0].support)
     assert all(isinstance(f, KnownFit) for f in fits.values()), fits
     return {name: f for name, f in fits.items() if isinstance(f, KnownFit)}
 
@@ -92,7 +93,7 @@ def test_what_no_camera_shows_of_a_joint_is_in_its_spread():
     frame = frames[0]
     depth = np.array(frame.depth)
     everywhere = frame.valid_depth
-    points = to_world(world_points(frame, everywhere), np.linalg.inv(fit.world_T_model))
+    points = to_world(frame.points(everywhere), np.linalg.inv(fit.world_T_model))
     depth[everywhere] = np.where((points[:, 0] < -0.14) & (points[:, 1] > -0.01), np.nan, depth[everywhere])
     half = fitted("cabinet-closed", [replace(frame, depth=depth)])["wooden_cabinet"]
     assert half.fraction_std[0] > 0.2 > half.fraction_std[1]
@@ -103,7 +104,7 @@ def test_on_a_table_without_furniture_nothing_is_found():
     frames = frames_of(world, "static")
     world.close()
     models = known_models(load_cell("cabinet-closed").furniture)
-    (said,) = fit_known(frames, list(models.values()), estimate_support(frames[0])).values()
+    (said,) = fit_known(frames, list(models.values()), frames[0].support).values()
     assert said == "nothing stands on the support that could be it"
 
 
@@ -111,7 +112,7 @@ def test_a_place_that_too_few_depths_speak_for_is_refused_with_their_number():
     _, frames = looked_at("cabinet-closed", {}, "static")
     models = known_models(load_cell("cabinet-closed").furniture)
     strict = KnownSettings(least_rays=1_000_000)
-    (said,) = fit_known(frames, list(models.values()), estimate_support(frames[0]), strict).values()
+    (said,) = fit_known(frames, list(models.values()), frames[0].support, strict).values()
     assert isinstance(said, str)
     assert said.startswith("nothing in view has its shape (the likeliest place agrees with ")
     assert said.endswith("% of those that would see it; 1000000 and 90% are needed)")
@@ -152,7 +153,7 @@ def test_an_apple_in_an_open_microwave_rests_on_its_floor_and_is_in_it(kitchen):
 def test_furniture_seen_before_is_found_there_and_elsewhere_if_it_moved():
     models = list(known_models(load_cell("cabinet-locked").furniture).values())
     world, frames = looked_at("cabinet-locked", {"lever_rod": 0.6, "wooden_cabinet_door": 0.3}, "static", "wrist")
-    table = estimate_support(frames[0])
+    table = frames[0].support
     stood = {n: np.array([*world.object_pose(n)[:2, 3], yaw_of(world.object_pose(n)), 0.0]) for n in world.furniture}
     elsewhere = {"wooden_cabinet": stood["wooden_cabinet"] + [0.1, 0.05, 0.3, 0.0], "lever": stood["lever"] - 0.1}
     for before in (stood, elsewhere):
@@ -168,7 +169,8 @@ def test_a_scene_seen_before_says_where_furniture_is_looked_for_first(kitchen, m
     scene, _ = kitchen
     asked = {}
     monkeypatch.setattr(
-        "perception.pipeline.fit_known", lambda *given: asked.update(given[4]) or {"microwave": "not looked for"}
+        "perception.stages.known_shapes_first.fit_known",
+        lambda *given: asked.update(given[4]) or {"microwave": "not looked for"},
     )
     frames = looked_at("kitchen-explore", {}, "static", seed=4)[1]
     models = known_models(load_cell("kitchen-explore").furniture)

@@ -1,85 +1,12 @@
-"""Depth pictures as rays: how far each pixel sees, and how far it would see if something stood there."""
+"""How far depth rays would see if something stood there."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
-from perception.frames import RgbdFrame
-from perception.geometry.cloud import StereoNoise
-from perception.geometry.depth_cleaning import depth_steps
+from perception.geometry.depth_rays import DepthRays
 from perception.known_shapes.models import KnownBox
-
-
-@dataclass(frozen=True)
-class DepthRays:
-    """Every n-th trusted pixel of one or several pictures as a ray in the world.
-
-    Attributes:
-        origin: Where the camera was in [m], shape (n, 3).
-        direction: Unit vectors, shape (n, 3).
-        distance: Measured along the ray in [m], shape (n,).
-        std: Spread of that distance in [m], shape (n,).
-        frame: Which picture, int, shape (n,).
-        pixel: Which pixel (row, column), int, shape (n, 2).
-    """
-
-    origin: np.ndarray
-    direction: np.ndarray
-    distance: np.ndarray
-    std: np.ndarray
-    frame: np.ndarray
-    pixel: np.ndarray
-
-    @property
-    def points(self) -> np.ndarray:
-        """Where the rays end in the world in [m], shape (n, 3)."""
-        return self.origin + self.distance[:, None] * self.direction
-
-    def __len__(self) -> int:
-        return len(self.distance)
-
-    def only(self, which: np.ndarray | slice) -> "DepthRays":
-        """Some of the rays, by bool of shape (n,), by index or by slice."""
-        return DepthRays(*(getattr(self, f.name)[which] for f in fields(self)))
-
-    def near(self, centre: np.ndarray, radius: float) -> np.ndarray:
-        """Which rays pass within `radius` [m] of a point, were they endless; bool, shape (n,)."""
-        away = centre - self.origin
-        along = np.maximum(np.einsum("ij,ij->i", away, self.direction), 0.0)
-        off = away - along[:, None] * self.direction
-        return np.einsum("ij,ij->i", off, off) < radius**2
-
-
-def depth_rays(
-    frames: Sequence[RgbdFrame], noise: StereoNoise, stride: int = 4, step: float = 0.03, farthest: float = 2.5
-) -> DepthRays:
-    """Rays of pictures taken at one moment.
-
-    Args:
-        frames: One a camera.
-        noise: Of their depth.
-        stride: Every n-th row and column.
-        step: Pixels beside a depth step larger than this in [m] are left out.
-        farthest: Depths beyond this in [m] are left out: they say too little.
-    """
-    parts = []
-    for i, frame in enumerate(frames):
-        k, pose = frame.intrinsics, frame.world_T_camera
-        keep = np.zeros(frame.depth.shape, bool)
-        keep[stride // 2 :: stride, stride // 2 :: stride] = True
-        keep &= frame.valid_depth & ~depth_steps(frame.depth, frame.valid_depth, step)
-        v, u = np.nonzero(keep)
-        depth = frame.depth[v, u].astype(float)
-        near = depth < farthest
-        v, u, depth = v[near], u[near], depth[near]
-        local = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones(len(u))], -1)
-        slant = np.linalg.norm(local, axis=1)
-        std = noise.depth_std(1.0, k.fx) * depth**2 * slant
-        direction = (local / slant[:, None]) @ pose[:3, :3].T
-        origin = np.broadcast_to(pose[:3, 3], direction.shape)
-        parts.append((origin, direction, depth * slant, std, np.full(len(u), i), np.stack([v, u], -1)))
-    return DepthRays(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 @dataclass(frozen=True)
