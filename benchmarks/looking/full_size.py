@@ -20,7 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from perception.detection.hf_models import TransformersDetector, TransformersSegmenter, load_package
+from perception.detection.devices import load_package
+from perception.detection.hf_detector import TransformersDetector
+from perception.detection.hf_segmenter import TransformersSegmenter
 from perception.frames import CameraIntrinsics, RgbdFrame
 from replan_base.processes import python_module
 

@@ -116,7 +116,7 @@ class BundledDetector:
         Raises:
             ModelUnavailableError: This package came without the weights, or the card is not valid.
         """
-        from perception.detection.hf_models import TransformersDetector
+        from perception.detection.hf_detector import TransformersDetector
 
         self.card = read_card(folder, DetectorCard)
         self._network = TransformersDetector(
@@ -183,7 +183,7 @@ def bundled_segmenter(folder: Path, device: str = "auto", precision: Precision =
         ModelUnavailableError: This package came without the weights, or the card or settings are not valid.
     """
     from perception.detection.crop_segmenter import CropSegmenter, read_crop_settings
-    from perception.detection.hf_models import TransformersSegmenter
+    from perception.detection.hf_segmenter import TransformersSegmenter
 
     card = read_card(folder, SegmenterCard)
     settings = read_crop_settings(folder)

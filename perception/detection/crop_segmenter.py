@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from perception.detection.devices import Precision, arithmetic, choose_device, load_package
 from perception.detection.grabcut import GrabCutSettings
-from perception.detection.hf_models import BOXES_AT_ONCE, IMAGENET_MEAN, IMAGENET_STD, load_segmenter
+from perception.detection.hf_segmenter import BOXES_AT_ONCE, IMAGENET_MEAN, IMAGENET_STD, load_segmenter
 from perception.detection.model_files import SEGMENTER, find_model
 from perception.detection.support_pixels import surely_support
 from perception.errors import ModelUnavailableError

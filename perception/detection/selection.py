@@ -40,7 +40,7 @@ def detector_of(name: str, options: PerceptionOptions, catalogue: Catalogue | No
         return ColourShapeDetector(settings, catalogue)
     if name == "bundled":
         return _bundled_detector(options)
-    from perception.detection.hf_models import THRESHOLD, TransformersDetector
+    from perception.detection.hf_detector import THRESHOLD, TransformersDetector
 
     find_model(name, DETECTOR, options.offline)  # now, so that a wrong name does not wait for the first look
     return TransformersDetector(
@@ -75,7 +75,7 @@ def segmenter_of(name: str, options: PerceptionOptions) -> Segmenter:
     if name == "bundled":
         return bundled.bundled_segmenter(bundled.SEGMENTER_FOLDER, options.device, options.precision)
     from perception.detection.crop_segmenter import CropSegmenter, read_crop_settings
-    from perception.detection.hf_models import TransformersSegmenter
+    from perception.detection.hf_segmenter import TransformersSegmenter
 
     folder = find_model(name, SEGMENTER, options.offline)
     crops = read_crop_settings(folder)

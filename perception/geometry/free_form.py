@@ -11,8 +11,9 @@ import numpy as np
 
 from perception.frames import RgbdFrame
 from perception.geometry.refinement import Refined
-from perception.geometry.shape_choice import Kind, surface_distance
+from perception.geometry.shape_choice import Kind
 from perception.geometry.solids import Solid, fit_box
+from perception.geometry.surface_distance import surface_distance
 
 # Rendered cubes, balls, cans and crates left at most 1.4 px and 5 % of their points, with masks 3 px too wide as well;
 # most kettles left more than 2.5 px or more than 8 %.

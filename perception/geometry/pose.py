@@ -9,8 +9,9 @@ import numpy as np
 from perception.geometry.cloud import largest_cluster
 from perception.geometry.free_form import box_around, is_explained, with_cut_top
 from perception.geometry.outline import longest_contour, own_outline_pixels
+from perception.geometry.outline_fit import observe
 from perception.geometry.prepared_frame import PreparedFrame
-from perception.geometry.refinement import Refined, observe, refine, refine_ellipsoid
+from perception.geometry.refinement import Refined, refine, refine_ellipsoid
 from perception.geometry.resting import LowerEnd, find_bottom, lower_end
 from perception.geometry.shape_choice import ANY_KIND, Kind, best_of, first_fits, lying
 from perception.geometry.solids import Solid

@@ -16,6 +16,7 @@ import numpy as np
 from perception.catalogue.appearance import Appearance, Kind
 from perception.geometry.refinement import Refined
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
+from perception.geometry.surface_distance import surface_distance
 
 FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinder": 5, "ellipsoid": 7}
 ANY_KIND: tuple[Kind, ...] = ("box", "cylinder", "sphere", "lying cylinder")  # what an unknown noun may mean
@@ -92,27 +93,6 @@ def _score(kind: Kind, solid: Solid, points: np.ndarray, depth_std: float) -> fl
     off = np.minimum(np.abs(surface_distance(kind, solid, points)), 3.0 * s)
     n = min(float(len(points)), PATCHES)
     return n * float(np.log(np.mean(off**2) + FIT_STD**2)) + FREEDOM[kind] * float(np.log(n))
-
-
-def surface_distance(kind: Kind, solid: Solid, points: np.ndarray) -> np.ndarray:
-    """Signed distance of points to a solid's surface in [m], negative inside, shape (n,).
-
-    Args:
-        kind: What the solid is; a lying cylinder is told by the box around it.
-        solid: In the world.
-        points: In the world in [m], shape (n, 3).
-    """
-    local = (points - solid.centre) @ solid.pose[:3, :3]
-    if kind in ("sphere", "ellipsoid"):
-        return np.linalg.norm(local, axis=1) - solid.extents[0] / 2
-    if kind == "box":
-        beyond = np.abs(local) - solid.extents / 2
-    else:
-        along, across = (0, (1, 2)) if kind == "lying cylinder" else (2, (0, 1))
-        ends = np.abs(local[:, along]) - solid.extents[along] / 2
-        side = np.linalg.norm(local[:, across], axis=1) - solid.extents[across[0]] / 2
-        beyond = np.stack([ends, side], -1)
-    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(1), 0.0)
 
 
 def fit_lying_cylinder(points: np.ndarray, bottom: float) -> Solid:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from perception.detection.devices import load_package
-from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
+from perception.detection.hf_segmenter import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.loop import TrainingSettings, run_training
 from perception.train.losses import cell_owners, dense_loss, matched_loss
 from perception.train.networks import detector_processor, new_detector

@@ -14,7 +14,7 @@ import numpy as np
 
 from perception.detection.bundled import CARD_FILE, DetectorCard, ModelCard, SegmenterCard
 from perception.detection.crop_segmenter import CropSegmenter, CropSettings
-from perception.detection.hf_models import TransformersDetector
+from perception.detection.hf_detector import TransformersDetector
 from perception.detection.nms import suppress
 from perception.evaluation.metrics import (
     ScoredQuestion,

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.detection.crop_segmenter import Window, box_in_crop, crop_picture, square_window
 from perception.detection.devices import load_package
-from perception.detection.hf_models import IMAGENET_MEAN, IMAGENET_STD
+from perception.detection.hf_segmenter import IMAGENET_MEAN, IMAGENET_STD
 from perception.train.loop import TrainingSettings, run_training
 from perception.train.networks import SAM_SIDE, new_segmenter
 from perception.train.shards import Sample, Shards, tinted

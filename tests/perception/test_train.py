@@ -172,7 +172,7 @@ def test_a_detector_that_was_interrupted_goes_on_as_if_it_had_not_been(shard, tm
 
 
 def test_what_was_trained_loads_through_the_same_code_as_published_weights(shard, tmp_path, one_thread):
-    from perception.detection.hf_models import TransformersDetector
+    from perception.detection.hf_detector import TransformersDetector
     from perception.frames import CameraIntrinsics, RgbdFrame
     from perception.train.detector import DetectorTraining, train_detector
     from perception.train.segmenter import SegmenterTraining, train_segmenter

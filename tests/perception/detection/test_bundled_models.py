@@ -11,7 +11,8 @@ from perception.detection.bundled import BundledDetector, DetectorCard, Segmente
 from perception.detection.crop_segmenter import CropSegmenter
 from perception.errors import ModelUnavailableError, OptionError, UnknownPhraseError
 from perception.options import PerceptionOptions
-from perception.pipeline import Perception, perception_from_options
+from perception.pipeline import perception_from_options
+from perception.stages.named_boxes import kept_boxes
 from tests.support.models.perception_models import save_tiny_detector, save_tiny_segmenter
 from tests.support.scenes.perception_scenes import RED, cube, render
 
@@ -171,9 +172,8 @@ def test_the_options_say_which_boxes_stay(frame):
             return [Detection("cube", np.array(b, float), 0.9 - 0.1 * k) for k, b in enumerate(boxes)]
 
     def kept(**options):
-        segmenter = perception_from_options().segmenter
-        looks = Perception(Boxes(), segmenter, options=PerceptionOptions(**options))
-        return [tuple(d.box_px.astype(int)) for d in looks._boxes(frame, ("cube",))]
+        found = kept_boxes(Boxes(), frame, ("cube",), PerceptionOptions(**options))
+        return [tuple(d.box_px.astype(int)) for d in found]
 
     assert kept() == [boxes[0], boxes[2]]
     assert kept(same_phrase_iou=0.9) == boxes

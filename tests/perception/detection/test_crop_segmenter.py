@@ -15,7 +15,7 @@ from perception.detection.crop_segmenter import (
     read_crop_settings,
     square_window,
 )
-from perception.detection.hf_models import TransformersSegmenter
+from perception.detection.hf_segmenter import TransformersSegmenter
 from perception.errors import ModelUnavailableError
 from perception.pipeline import perception_from_options
 from tests.support.models.perception_models import save_tiny_segmenter

@@ -8,9 +8,10 @@ import sys
 import numpy as np
 import pytest
 
-from perception.detection import hf_models
+from perception.detection import hf_detector, hf_segmenter
 from perception.detection.devices import choose_device, load_package
-from perception.detection.hf_models import TransformersDetector, TransformersSegmenter
+from perception.detection.hf_detector import TransformersDetector
+from perception.detection.hf_segmenter import TransformersSegmenter
 from perception.detection.prompts import make_prompts, side_by_side
 from perception.errors import ModelUnavailableError, UnknownPhraseError
 from perception.frames import CameraIntrinsics, RgbdFrame
@@ -108,7 +109,7 @@ def test_prompts_side_by_side_give_what_each_gives_alone(detector_folder, frame)
 def test_the_pictures_features_are_computed_once_for_all_prompts(detector_folder, frame, monkeypatch):
     detector = TransformersDetector(detector_folder, threshold=0.0, most_phrases=1)
     detector.detect(frame, ["crate"])
-    _, network, memory = hf_models._load_detector(hf_models.Path(detector_folder), "cpu")
+    _, network, memory = hf_detector._load_detector(hf_detector.Path(detector_folder), "cpu")
     sizes = []
     backbone = memory._backbone
     monkeypatch.setattr(memory, "_backbone", lambda x, m: sizes.append(len(x)) or backbone(x, m))
@@ -164,9 +165,9 @@ def test_a_threshold_that_no_box_reaches_yields_no_box(detector_folder, frame):
 
 def test_weights_are_loaded_once_per_process(detector_folder, frame):
     TransformersDetector(detector_folder).detect(frame, ["crate"])
-    before = hf_models._load_detector.cache_info().misses
+    before = hf_detector._load_detector.cache_info().misses
     TransformersDetector(detector_folder, precision="half").detect(frame, ["apple"])
-    assert hf_models._load_detector.cache_info().misses == before
+    assert hf_detector._load_detector.cache_info().misses == before
 
 
 def test_half_precision_finds_the_same_boxes(detector_folder, frame):
@@ -242,7 +243,7 @@ def test_a_segmenter_from_a_folder_gives_a_mask_of_the_pictures_size(segmenter_f
 
 
 def test_several_boxes_give_what_each_gives_alone(segmenter_folder, frame, monkeypatch):
-    monkeypatch.setattr(hf_models, "BOXES_AT_ONCE", 2)
+    monkeypatch.setattr(hf_segmenter, "BOXES_AT_ONCE", 2)
     together = TransformersSegmenter(segmenter_folder).segment_all(frame, BOXES)
     assert together.shape == (3, 96, 128) and together.dtype == bool
     for mask, box in zip(together, BOXES, strict=True):
@@ -271,7 +272,7 @@ def test_no_box_gives_no_mask(segmenter_folder, frame):
 
 def test_a_picture_is_embedded_once_for_all_of_its_boxes(segmenter_folder, frame, monkeypatch):
     TransformersSegmenter(segmenter_folder).segment(frame, BOXES[0])
-    _, network = hf_models.load_segmenter(hf_models.Path(segmenter_folder), "cpu")
+    _, network = hf_segmenter.load_segmenter(hf_segmenter.Path(segmenter_folder), "cpu")
     calls = []
     embed = network.get_image_embeddings
     monkeypatch.setattr(network, "get_image_embeddings", lambda pixels: calls.append(1) or embed(pixels))
@@ -341,7 +342,7 @@ def test_options_name_the_learned_parts(folders):
 
 def test_perception_starts_without_loading_torch():
     code = (
-        "import sys, perception.pipeline, perception.detection.hf_models as m; m.TransformersDetector('a/b');"
+        "import sys, perception.pipeline, perception.detection.hf_detector as m; m.TransformersDetector('a/b');"
         "print([n for n in ('torch', 'transformers', 'open3d') if n in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

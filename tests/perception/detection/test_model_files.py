@@ -9,7 +9,7 @@ import huggingface_hub
 import numpy as np
 import pytest
 
-from perception.detection import hf_models
+from perception.detection import hf_detector, hf_segmenter
 from perception.detection.model_files import DETECTOR, SEGMENTER, find_model
 from perception.errors import ModelUnavailableError
 from perception.frames import CameraIntrinsics, RgbdFrame
@@ -50,8 +50,8 @@ def asked(store, monkeypatch):
 def test_weights_that_are_here_are_used_without_asking_the_network(asked, offline):
     lens = CameraIntrinsics(128, 96, 100.0, 100.0, 63.5, 47.5)
     frame = RgbdFrame(np.zeros((96, 128, 3), np.uint8), np.ones((96, 128), np.float32), lens, np.eye(4), 0.0)
-    hf_models._load_detector.cache_clear()
-    hf_models.load_segmenter.cache_clear()
+    hf_detector._load_detector.cache_clear()
+    hf_segmenter.load_segmenter.cache_clear()
     both = perception_from_options("maker/dino", "maker/sam", PerceptionOptions(threshold=0.0, offline=offline))
     assert both.detector.detect(frame, ["crate"])
     assert both.segmenter.segment(frame, np.array([9.0, 9.0, 50.0, 50.0])).shape == (96, 128)

@@ -12,9 +12,10 @@ from perception.geometry.cloud import StereoNoise, back_project, largest_cluster
 from perception.geometry.depth_cleaning import speckles
 from perception.geometry.gravity_alignment import camera_above_plane
 from perception.geometry.prepared_frame import PreparedFrame
-from perception.geometry.refinement import Refined, outline_distance, sphere_rim
+from perception.geometry.refinement import Refined
 from perception.geometry.resting import LowerEnd, find_bottom, levels
 from perception.geometry.shape_choice import Kind, best_of, first_fits, lying
+from perception.geometry.solid_outlines import outline_distance, sphere_rim
 from perception.geometry.solids import Solid, fit_box, fit_cylinder, fit_sphere
 from perception.geometry.support import SupportPlane
 from perception.tracking.merging import merge, turned_like

@@ -4,7 +4,7 @@ import string
 from pathlib import Path
 from typing import Any
 
-from perception.detection.hf_models import load_package
+from perception.detection.devices import load_package
 
 # transformers' GroundingDINO cuts prompts at these fixed ids: begin, end, full stop, question mark.
 FIXED_IDS = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
