@@ -30,6 +30,7 @@ ROOMS = {
         "recordings": {"geometry", "ros2"},
         "known_shapes": {"catalogue", "geometry"},
         "detection": {"catalogue", "geometry"},
+        "stages": {"catalogue", "geometry", "tracking", "detection", "known_shapes"},
         "evaluation": {"detection"},
         "train": {"catalogue", "detection", "evaluation"},
     },

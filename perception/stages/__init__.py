@@ -1,1 +1,1 @@
-"""Stages of one look, each with its policy: known shapes first, boxes, masks, solids, agreement of cameras."""
+"""Stages of one look, each with its policy: shapes first, boxes, masks, solids, cameras. May import all but scoring."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from perception.interfaces import Detector
-from tests.support.perception_scenes import BLUE, RED, cube, render
+from tests.support.scenes.perception_scenes import BLUE, RED, cube, render
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "add-a-detector.md"
 

@@ -17,7 +17,7 @@ from sim_check.cells.loading import load_cell
 from sim_check.furniture.known_models import known_models
 from sim_check.models.known_forms import known_forms
 from sim_check.world.world import build_world
-from tests.support.perception_scenes import BLUE, GREEN, RED, WOOD, YELLOW, Thing, cube, render
+from tests.support.scenes.perception_scenes import BLUE, GREEN, RED, WOOD, YELLOW, Thing, cube, render
 
 ONCE = {
     "back-projection": back_project,
