@@ -59,9 +59,10 @@ def exists(dotted: str) -> bool:
 
 @cache
 def names_in(file: Path) -> set[str]:
-    """Names that a file defines or imports at its top, and "Class.attribute" for what its classes define."""
+    """Names that a file defines or imports at its top, for checkers too, "Class.attribute" for what its classes define."""
     names: set[str] = set()
-    for node in ast.parse(file.read_text()).body:
+    top = ast.parse(file.read_text()).body
+    for node in [*top, *(inner for node in top if isinstance(node, ast.If) for inner in node.body)]:
         for name in _defined(node):
             names.add(name)
         if isinstance(node, ast.ClassDef):
