@@ -85,7 +85,7 @@ _TABLE = (
     Contract("needs_relocation", "planner", ("action",), "yes_no"),
     # From a subtask to rewards.
     Contract(
-        "motion_description", "planner", ("objects", "joints", "plan", "observations", "action", "relocates"),
+        "motion_description", "planner", ("objects", "joints", "plan", "observations", "action", "relocates", "lines"),
         "description",
     ),
     Contract("reward_program", "planner", ("objects", "joints", "calls", "action", "description"), "reward_code"),

@@ -8,13 +8,13 @@ from typing import Any
 from control.errors import ReasonerError
 from control.tasks.reward_spec import PALM
 from planning.language.answers import ABOUT_ROBOT
-from planning.language.description import DescriptionLine, LineKind, parse_line
+from planning.language.description import DescriptionLine, line_of, parse_line
 from planning.language.goal_language import Clause, parse_step
 from planning.language.names import AmbiguousName, MissingName, as_name, mentioned, resolve
 
 AWAY_DISTANCE = 0.2  # [m] between centres; leaves a hand's width (0.2 m) for the next grasp and stays in reach
 AWAY_FROM_DOORS = 0.5  # [m] from the centre of furniture: out of the way of its doors and of the hand that opens them
-JOINT_STATES: dict[str, LineKind] = {"open": "open", "close": "closed", "pull": "open"}
+JOINT_STATES: dict[str, str] = {"open": "open", "close": "closed", "pull": "open"}
 LIFT_HEIGHT = 0.25  # [m], of a lifted object's centre: clear of table-top things, far from the arm's own limits
 
 
@@ -62,8 +62,8 @@ def _joint_lines(clause: Clause, fields: Mapping[str, Any]) -> list[DescriptionL
             f"the builtin reasoner cannot describe '{fields['action']}': there is no joint '{joint}' here that a hand "
             f"can move; there are: {known}"
         )
-    goal = DescriptionLine(JOINT_STATES[clause.kind], joint, value=clause.share)
-    return [DescriptionLine("close", PALM, owner), goal]
+    goal = line_of(JOINT_STATES[clause.kind], joint, value=clause.share)
+    return [line_of("close", PALM, owner), goal]
 
 
 def _object_lines(clause: Clause, fields: Mapping[str, Any]) -> list[DescriptionLine]:
@@ -71,13 +71,13 @@ def _object_lines(clause: Clause, fields: Mapping[str, Any]) -> list[Description
         clause = clause.map_names(lambda phrase: resolve(phrase, fields["objects"]))
     except (MissingName, AmbiguousName) as error:
         raise ReasonerError(f"the builtin reasoner cannot describe '{fields['action']}': {error}") from None
-    lines = [DescriptionLine("close", PALM, clause.subject)]
+    lines = [line_of("close", PALM, clause.subject)]
     if clause.kind == "place":
-        lines.append(DescriptionLine("close", clause.subject, clause.target))
+        lines.append(line_of("close", clause.subject, clause.target))
     elif clause.kind == "away":
-        lines.append(DescriptionLine("far", clause.subject, clause.target))
+        lines.append(line_of("far", clause.subject, clause.target))
     elif clause.kind == "lift":
-        lines.append(DescriptionLine("height", clause.subject, value=LIFT_HEIGHT))
+        lines.append(line_of("height", clause.subject, value=LIFT_HEIGHT))
     return lines
 
 
@@ -89,15 +89,14 @@ def owner_of(joint: str, objects: Collection[str]) -> str | None:
 
 def reward_call(line: DescriptionLine, joints: Sequence[str] = ()) -> str:
     """The call that serves a line."""
-    if line.kind == "close":
-        return f"minimize_l2_distance_reward({line.a}, {line.b})"
-    if line.kind == "far":
-        distance = AWAY_FROM_DOORS if any(j.startswith(f"{line.b}_") for j in joints) else AWAY_DISTANCE
-        return f"maximize_l2_distance_reward({line.a}, {line.b}, distance={distance})"
-    if line.kind == "height":
-        return f"set_obj_z_position_reward({line.a}, {line.value:g})"
-    share = line.value if line.value is not None else float(line.kind == "open")
-    return f"set_joint_fraction_reward({line.a}, {share:g})"
+    words = [name for name in (line.a, line.b) if name is not None]
+    number = line.definition.number
+    if number is not None:
+        value = line.form.value if line.value is None else line.value
+        if value is None:  # the only number that descriptions leave out: how far from another thing
+            value = AWAY_FROM_DOORS if any(j.startswith(f"{line.b}_") for j in joints) else AWAY_DISTANCE
+        words.append(f"{value:g}" if number.default is None else f"{number.name}={value:g}")
+    return f"{line.definition.call}({', '.join(words)})"
 
 
 def reward_program(fields: Mapping[str, Any]) -> str:

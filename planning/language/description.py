@@ -1,4 +1,4 @@
-"""Motion descriptions: what a subtask brings about, in lines of a fixed form. Needs the standard library only.
+"""Motion descriptions: what a subtask brings about, in lines of the forms that the reward terms serve.
 
 palm is close to A
 A is close to B        A is far from B
@@ -8,16 +8,14 @@ A is at height Z       J is open        J is N % open        J is closed
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from control.tasks.reward_spec import PALM, REST_POSITION
+from control.tasks.terms.definition import TermDefinition
+from control.tasks.terms.lines import LineForm
+from control.tasks.terms.registry import TERMS
+from control.tasks.terms.vocabulary import Vocabulary
 
-LineKind = Literal["close", "far", "height", "open", "closed"]
-
-_LINE = re.compile(
-    r"(?P<a>\w+) is (?:(?P<how>close to|far from) (?P<b>\w+)|at height (?P<z>\d+(?:\.\d+)?)(?: ?m)?"
-    r"|(?:(?P<share>\d+) ?% )?(?P<j>open)|(?P<shut>closed))"
-)
+NOTES_AT = 26  # column of the notes beside the forms
 
 
 @dataclass(frozen=True)
@@ -25,39 +23,73 @@ class DescriptionLine:
     """One line.
 
     Attributes:
-        kind: Its form.
+        definition: The term that serves it.
+        form: Its form, one of the term's.
         a: Object, joint or "palm".
-        b: The other object, for close and far; else None.
+        b: The other object, for forms of two names; else None.
         value: Height of the object's centre in [m], for height; how far a joint is open, 0..1, where it is not open all
             the way; else None.
     """
 
-    kind: LineKind
+    definition: TermDefinition
+    form: LineForm
     a: str
     b: str | None = None
     value: float | None = None
 
+    @property
+    def kind(self) -> str:
+        """Short name of its form."""
+        return self.form.kind
+
     def __str__(self) -> str:
-        if self.kind in ("close", "far"):
-            return f"{self.a} is {'close to' if self.kind == 'close' else 'far from'} {self.b}"
-        if self.kind == "height":
-            return f"{self.a} is at height {self.value:g}"
-        share = "" if self.value is None else f"{self.value * 100:.0f} % "
-        return f"{self.a} is {share}{self.kind}"
+        return self.form.fill(self.a, self.b, self.value)
 
 
-def parse_line(text: str) -> DescriptionLine | None:
+def line_of(
+    kind: str, a: str, b: str | None = None, value: float | None = None, vocabulary: Vocabulary = TERMS
+) -> DescriptionLine:
+    """The line of this kind that says these names, and the number where there is one.
+
+    Raises:
+        ValueError: No term serves such a line.
+    """
+    for definition, form in _forms(vocabulary):
+        if form.kind == kind and form.numbered == (value is not None):
+            return DescriptionLine(definition, form, a, b, value)
+    known = sorted({form.kind for _, form in _forms(vocabulary)})
+    raise ValueError(f"no reward term serves a line '{kind}' with {value}; lines are {known}")
+
+
+def parse_line(text: str, vocabulary: Vocabulary = TERMS) -> DescriptionLine | None:
     """One line, or None when it has none of the forms."""
-    match = _LINE.fullmatch(re.sub(r"^\s*(?:\d+[.)]|[-*>])\s*", "", text).strip().rstrip("."))
-    if not match:
-        return None
-    if match["how"]:
-        return DescriptionLine("close" if match["how"] == "close to" else "far", match["a"], match["b"])
-    if match["z"]:
-        return DescriptionLine("height", match["a"], value=float(match["z"]))
-    if match["shut"]:
-        return DescriptionLine("closed", match["a"])
-    return DescriptionLine("open", match["a"], value=None if match["share"] is None else int(match["share"]) / 100)
+    plain = re.sub(r"^\s*(?:\d+[.)]|[-*>])\s*", "", text).strip().rstrip(".")
+    for definition, form in _forms(vocabulary):
+        read = form.read(plain)
+        if read is not None:
+            return DescriptionLine(definition, form, *read)
+    return None
+
+
+def offered_lines(relocates: bool, joints: bool, vocabulary: Vocabulary = TERMS) -> tuple[str, ...]:
+    """The forms that a prompt shows, each with its note: those about objects first.
+
+    Args:
+        relocates: Whether the step moves an object; else lines about objects are said to be rarely needed.
+        joints: Whether the scene has joints.
+        vocabulary: The terms whose lines may be written.
+    """
+    out = []
+    for _, form in sorted(_forms(vocabulary), key=lambda f: f[1].about_joint):
+        if (form.about_joint and not joints) or (form.relocates and not relocates):
+            continue
+        note = form.note if form.about_joint or relocates else "only if needed"
+        out.append(f"{form.text:<{NOTES_AT}}({note})" if note else form.text)
+    return tuple(out)
+
+
+def _forms(vocabulary: Vocabulary) -> list[tuple[TermDefinition, LineForm]]:
+    return [(definition, form) for definition in vocabulary.definitions for form in definition.lines]
 
 
 def find_fault(
@@ -77,7 +109,7 @@ def find_fault(
         return "the first line must be 'palm is close to A' with one of the objects"
     seen: set[tuple[str, str]] = set()
     for line in lines:
-        is_joint = line.kind in ("open", "closed")
+        is_joint = line.form.about_joint
         valid = set(joints) if is_joint else {*objects, PALM, REST_POSITION}
         for name in (line.a, line.b):
             if name is not None and name not in valid:
@@ -85,13 +117,13 @@ def find_fault(
                 return f"there is no {what} '{name}'; there are {sorted(valid) or 'none'}"
         if line.a == line.b:
             return f"'{line}' names '{line.a}' twice"
-        if (line.kind, line.a) in seen or (line.kind in ("close", "far") and _partners(line.a, lines) > 1):
+        if (line.kind, line.a) in seen or (line.b is not None and _partners(line.a, lines) > 1):
             return f"'{line.a}' is described more than once; each object is close to or far from one thing only"
         seen.add((line.kind, line.a))
-    if relocates and not any(line.a != PALM and line.kind in ("close", "far", "height") for line in lines):
+    if relocates and not any(line.a != PALM and not line.form.about_joint for line in lines):
         return "the step moves an object, but no line says where the object ends up"
     return None
 
 
 def _partners(name: str, lines: Sequence[DescriptionLine]) -> int:
-    return len({(line.kind, line.b) for line in lines if line.a == name and line.kind in ("close", "far")})
+    return len({(line.kind, line.b) for line in lines if line.a == name and line.b is not None})

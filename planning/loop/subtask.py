@@ -7,6 +7,7 @@ from control.errors import ReasonerError
 from control.tasks.reward_spec import RewardSpec
 from control.tasks.terms.registry import TERMS
 from planning.language.answers import parse_description, parse_yes_no
+from planning.language.description import offered_lines
 from planning.language.reward_program import parse_reward_answer
 from planning.loop.verifier import Checker, UnservedLineError
 from planning.reasoners.reasoner import Asker
@@ -49,6 +50,7 @@ def spec_for(action: str, scope: Scope, asker: Asker, verifier: Checker, log) ->
         "observations": scope.observations,
         "action": action,
         "relocates": relocates,
+        "lines": offered_lines(relocates, bool(scope.joints)),
     }
     lines = asker.ask(
         "motion_description", fields, lambda text: parse_description(text, scope.objects, scope.joints, relocates)

@@ -9,6 +9,7 @@ from control.tasks.terms.registry import TERMS
 from planning.builtin import perceiver, planner, plans, reasoner, situation, verifier
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.language import answers
+from planning.language.description import offered_lines
 from planning.language.memory import FailedAttempt, cause_sentences
 from planning.language.reward_program import parse_reward_answer
 from prompts.contracts import CONTRACTS
@@ -117,7 +118,7 @@ def test_actions_become_descriptions_become_programs(action, lines, primary):
     relocates = answers.parse_yes_no(ask("needs_relocation", action=action))
     assert relocates == bool(lines)
     fields = {"objects": OBJECTS, "joints": (), "plan": (action,), "observations": (), "action": action}
-    text = ask("motion_description", relocates=relocates, **fields)
+    text = ask("motion_description", relocates=relocates, lines=offered_lines(relocates, False), **fields)
     description = [str(x) for x in answers.parse_description(text, OBJECTS, (), relocates)]
     assert description == ["palm is close to red_cube", *lines]
     code = ask("reward_program", calls=CALLS, objects=OBJECTS, joints=(), action=action, description=description)
@@ -133,7 +134,7 @@ def test_actions_become_descriptions_become_programs(action, lines, primary):
 def test_a_door_that_is_to_be_opened_in_part_is_described_and_rewarded_so():
     objects, joints, action = ("cabinet",), ("cabinet_door",), "open cabinet_door to 81 %"
     fields = {"objects": objects, "joints": joints, "plan": (action,), "observations": (), "action": action}
-    text = ask("motion_description", relocates=False, **fields)
+    text = ask("motion_description", relocates=False, lines=offered_lines(False, True), **fields)
     description = [str(x) for x in answers.parse_description(text, objects, joints, False)]
     assert description == ["palm is close to cabinet", "cabinet_door is 81 % open"]
     code = ask(

@@ -21,6 +21,7 @@ FIELDS = {
     "plan": ("place red_cube on crate",),
     "observations": ("Is it there? Yes.",),
     "relocates": True,
+    "lines": ("A is close to B",),
     "description": ("palm is close to red_cube",),
     "calls": ("minimize_l2_distance_reward(a, b)\n    brings a and b together",),
     "call": "minimize_l2_distance_reward(palm, red_cube)",

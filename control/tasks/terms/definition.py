@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from control.errors import RewardSpecError
+from control.tasks.terms.lines import LineForm
 from control.tasks.terms.views import Layout, SampledMotions, SceneState, TermJudgement
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ class TermDefinition(ABC):
         names: One or two names that it is given: the spec's subject and target.
         number: The number that it is given, or None: the spec's value.
         prompt: What the call does, for the prompt that lists the calls.
+        lines: Lines of a motion description that it serves; none where descriptions do not speak of it.
         hand: What the hand does for it, for the documentation.
         met: When it is met, for the documentation.
         cost: Its residual along a motion, symbol by symbol with units, for the documentation.
@@ -122,6 +124,7 @@ class TermDefinition(ABC):
     names: ClassVar[tuple[NameArgument, ...]]
     number: ClassVar[NumberArgument | None] = None
     prompt: ClassVar[str]
+    lines: ClassVar[tuple[LineForm, ...]] = ()
     hand: ClassVar[str]
     met: ClassVar[str]
     cost: ClassVar[str]

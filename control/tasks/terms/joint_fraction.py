@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from control.tasks.terms.definition import HandTask, NameArgument, NumberArgument, TermDefinition
+from control.tasks.terms.lines import LineForm
 from control.tasks.terms.views import Layout, SampledMotions, SceneState, TermJudgement
 
 if TYPE_CHECKING:
@@ -30,6 +31,11 @@ class SetJointFraction(TermDefinition):
     names = (NameArgument("joint", "joint"),)
     number = NumberArgument("fraction", "fraction", "", 0.0, 1.0, 0.0, 1.0)
     prompt = "0 is closed, 1 is open"
+    lines = (
+        LineForm("open", "J is open", value=1.0),
+        LineForm("open", "J is N % open", "N a whole number, where all the way is not possible or not needed"),
+        LineForm("closed", "J is closed", value=0.0),
+    )
     hand = (
         "takes the joint's handle along until it stands there, opening or closing. One that stands there already asks "
         "for nothing"

@@ -17,6 +17,7 @@ from control.tasks.terms.definition import (
     TermDefinition,
     brought,
 )
+from control.tasks.terms.lines import LineForm
 from control.tasks.terms.views import SampledMotions, SceneState, TermJudgement
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class MaximizeDistance(TermDefinition):
     names = (NameArgument("a", "place"), NameArgument("b", "place"))
     number = NumberArgument("distance", "distance", "m", 0.01, 2.0, 0.0, 10.0, default=0.5)
     prompt = "keeps a at least that many metres away from b"
+    lines = (LineForm("far", "A is far from B"),)
     hand = "puts a on the table, at least the distance from where b stood. With `palm`: draws back"
     met = (
         f"the horizontal distance of the centres is at most {DISTANCE_TOLERANCE * 1e3:g} mm short of it and a's "

@@ -17,6 +17,7 @@ from control.tasks.terms.definition import (
     TermDefinition,
     brought,
 )
+from control.tasks.terms.lines import LineForm
 from control.tasks.terms.maximize_distance import DISTANCE_TOLERANCE, MaximizeDistance
 from control.tasks.terms.views import Layout, SampledMotions, SceneState, TermJudgement
 
@@ -47,6 +48,7 @@ class MinimizeDistance(TermDefinition):
     name = "minimize_l2_distance"
     names = (NameArgument("a", "place"), NameArgument("b", "place"))
     prompt = "brings a and b together"
+    lines = (LineForm("close", "A is close to B"),)
     hand = (
         "puts a on b, or in it: a bowl, a cabinet with an open door. With `palm`: goes there, and stops before it. "
         "With `rest_position`: brings a there"

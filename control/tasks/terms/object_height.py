@@ -8,6 +8,7 @@ import numpy as np
 
 from control.tasks.posed_object import VERTICAL_TOLERANCE
 from control.tasks.terms.definition import REST_POSITION, HandTask, NameArgument, NumberArgument, TermDefinition
+from control.tasks.terms.lines import LineForm
 from control.tasks.terms.maximize_distance import MaximizeDistance
 from control.tasks.terms.minimize_distance import MinimizeDistance
 from control.tasks.terms.views import Layout, SampledMotions, SceneState, TermJudgement
@@ -31,6 +32,7 @@ class SetObjectHeight(TermDefinition):
     names = (NameArgument("obj", "object"),)
     number = NumberArgument("z", "height", "m", 0.0, 2.0, -10.0, 10.0)
     prompt = "lifts an object to a height in metres"
+    lines = (LineForm("height", "A is at height Z", "Z in metres", relocates=True),)
     hand = "holds the object up"
     met = f"the object's centre is at most {HEIGHT_TOLERANCE * 1e3:g} mm below the height"
     cost = "r = max(0, z - z_obj) in [m]; z_obj is the height of the object's centre"

@@ -28,7 +28,9 @@ from control.tasks.term_conflicts import refuse_term_conflicts
 from control.tasks.terms.definition import NameArgument
 from control.tasks.terms.registry import TERMS
 from control.tasks.terms.vocabulary import Vocabulary
+from planning.builtin.planner import reward_call
 from planning.language.answers import MalformedAnswerError
+from planning.language.description import line_of, offered_lines, parse_line
 from planning.language.reward_program import build_spec, parse_reward_program
 from prompts.contracts import render
 
@@ -116,6 +118,39 @@ def test_the_how_tos_term_is_printed_in_the_prompt_and_documented():
     page = as_markdown(WITH_ONE_MORE)
     assert "| `hold_obj_at_height_reward(obj, z)` | holds the object at that height |" in page
     assert "- Arguments: `obj` an object; `z` the height from 0 to 1 m." in page
+
+
+def test_the_how_tos_line_is_offered_read_and_served():
+    assert "A is held at height Z     (Z in metres)" in offered_lines(True, False, WITH_ONE_MORE)
+    assert parse_line("red_cube is held at height 0.2") is None
+    line = parse_line("- red_cube is held at height 0.2 m.", WITH_ONE_MORE)
+    assert line is not None and str(line) == "red_cube is held at height 0.2"
+    assert reward_call(line) == "hold_obj_at_height_reward(red_cube, 0.2)"
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value", "call"),
+    [
+        ("palm is close to crate", "close", None, "minimize_l2_distance_reward(palm, crate)"),
+        ("1) a is far from b.", "far", None, "maximize_l2_distance_reward(a, b, distance=0.2)"),
+        ("a is at height 0.25m", "height", 0.25, "set_obj_z_position_reward(a, 0.25)"),
+        ("door is open", "open", None, "set_joint_fraction_reward(door, 1)"),
+        ("door is 40% open", "open", 0.4, "set_joint_fraction_reward(door, 0.4)"),
+        ("* door is closed", "closed", None, "set_joint_fraction_reward(door, 0)"),
+    ],
+)
+def test_every_line_is_read_written_and_served_by_its_term(text, kind, value, call):
+    line = parse_line(text)
+    assert line is not None and (line.kind, line.value, reward_call(line)) == (kind, value, call)
+    assert parse_line(str(line)) == line == line_of(kind, line.a, line.b, value)
+
+
+def test_a_line_that_no_term_serves_lists_those_there_are():
+    assert parse_line("a is close to") is None and parse_line("a is at height -1") is None
+    with pytest.raises(
+        ValueError, match=r"no reward term serves a line 'shut' with None; lines are \['close', 'closed'"
+    ):
+        line_of("shut", "door")
 
 
 def test_a_motion_is_found_for_the_how_tos_term():
