@@ -12,7 +12,6 @@ from types import MappingProxyType
 import numpy as np
 
 from perception.catalogue.catalogue import Catalogue
-from perception.detection.selection import detector_of, segmenter_of
 from perception.errors import FrameError
 from perception.estimates import ObjectEstimate, SceneEstimate, Unseen
 from perception.frames import RgbdFrame
@@ -28,6 +27,7 @@ from perception.stages.camera_agreement import View, agreed
 from perception.stages.known_shapes_first import find_shapes, likeliest
 from perception.stages.masks_to_solids import solids_of
 from perception.stages.named_boxes import kept_boxes, named_boxes
+from perception.stages.selection import detector_of, segmenter_of
 
 STAGES = ("detect", "segment", "pose", "merge")
 
@@ -179,7 +179,7 @@ def perception_from_options(
     """Perception from two words or model names.
 
     Args:
-        detector, segmenter: As in `perception.detection.selection`.
+        detector, segmenter: As in `perception.stages.selection`.
         options: How they run and what is kept; its defaults if None.
         known: Things whose shape is known beforehand, by name.
         forms: Things whose form is known up to its sizes, by noun.

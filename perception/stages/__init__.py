@@ -1,1 +1,1 @@
-"""Stages of one look, each with its policy: shapes first, boxes, masks, solids, cameras. May import all but scoring."""
+"""Stages of one look, each with its policy: models, shapes first, boxes, masks, solids, cameras. Imports no scoring."""
