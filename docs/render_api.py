@@ -109,7 +109,7 @@ def described_function(function: Any) -> Iterator[str]:
         default = "" if p.default is p.empty else f" = {_default(p.default)}"
         arguments.append(f"{p.name}: {p.annotation}{default}")
     returns = inspect.signature(function).return_annotation
-    yield f"```python\n{function.__name__}({', '.join(arguments)}) -> {returns}\n```"
+    yield f"```text\n{function.__name__}({', '.join(arguments)}) -> {returns}\n```"
     yield from paragraphs(inspect.getdoc(function) or "")
 
 

@@ -59,10 +59,10 @@ def exists(dotted: str) -> bool:
 
 @cache
 def names_in(file: Path) -> set[str]:
-    """Names that a file defines or imports at its top, for checkers too, "Class.attribute" for what its classes define."""
+    """Names that a file defines or imports at its top (for checkers too), "Class.attribute" of what classes define."""
     names: set[str] = set()
     top = ast.parse(file.read_text()).body
-    for node in [*top, *(inner for node in top if isinstance(node, ast.If) for inner in node.body)]:
+    for node in [*top, *(inner for block in top if isinstance(block, ast.If) for inner in block.body)]:
         for name in _defined(node):
             names.add(name)
         if isinstance(node, ast.ClassDef):
