@@ -1,1 +1,4 @@
-"""Reward terms as data: vocabulary, predicates, costs, conflicts, what a term asks of the hand. May import `safety`."""
+"""Reward specs as data, and one module per reward term (`control.tasks.terms`): predicate, cost, conflicts, hand, texts.
+
+May import `robot` and `safety`.
+"""

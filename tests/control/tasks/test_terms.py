@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.scenes.furniture_twins import cabinet
 from benchmarks.scenes.tabletop_twins import arm, cubes
 from control.errors import ContradictionError, RewardSpecError, UnknownObjectError
 from control.path_planning.collision_filter import free_joint_address
@@ -268,3 +269,12 @@ def test_a_turn_costs_less_the_nearer_it_is():
     assert np.all(np.diff(paid) < 0)
     term = spec.primary
     assert term.definition.turns_by(term) == pytest.approx(math.pi / 2)
+
+
+def test_keeping_fixed_furniture_from_the_palm_is_costed():
+    twin = cabinet()
+    spec = RewardSpec((RewardTerm("maximize_l2_distance", "cabinet", "palm", 0.4, primary=True),))
+    cost = RunningCost(twin, spec, read_subtask(spec), SafetyLimits(), arm(), palm_at(twin, twin.q), CostWeights())
+    qpos = np.repeat(np.repeat(twin.qpos[None, None], 2, axis=0), 3, axis=1)
+    paid = cost.of(qpos, np.zeros((2, 3, 7)), np.zeros((2, 3), bool))
+    assert paid.shape == (2,) and np.all(np.isfinite(paid))
