@@ -1,4 +1,4 @@
-"""Reward specs as data, and one module per reward term (`control.tasks.terms`): predicate, cost, conflicts, hand, texts.
+"""Reward specs as data, and a module per reward term (`control.tasks.terms`): predicate, cost, conflicts, hand, texts.
 
 May import `robot` and `safety`.
 """
