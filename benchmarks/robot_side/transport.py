@@ -37,18 +37,9 @@ from control.safety.certificate import Certificate
 from control.trajectory.samples import Trajectory
 from hw_interface.cell.client import CellClient
 from hw_interface.cell.operator_lease import Operator
+from hw_interface.link.requests import answer, ask, read_request, refusing
 from hw_interface.link.streams import StateReader, declare_stream
-from hw_interface.link.transport import (
-    FRAME_KEY,
-    STATE_KEY,
-    TRAJECTORY_KEY,
-    answer,
-    ask,
-    open_client_session,
-    open_robot_session,
-    read_request,
-    refusing,
-)
+from hw_interface.link.transport import FRAME_KEY, STATE_KEY, TRAJECTORY_KEY, open_client_session, open_robot_session
 from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, FrameRequest, RobotState

@@ -12,7 +12,8 @@ import zenoh
 
 from control.errors import ConfigError, RobotGoneError
 from hw_interface.cameras.offers import all_cameras, camera_token, offered_cameras, this_owner
-from hw_interface.link.transport import CAMERA_HEALTH_KEY, FRAME_KEY, INFO_KEY, answer, ask, read_request, refusing
+from hw_interface.link.requests import answer, ask, read_request, refusing
+from hw_interface.link.transport import CAMERA_HEALTH_KEY, FRAME_KEY, INFO_KEY
 from hw_interface.messages.cameras import CameraHealth, HealthRequest
 from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.robot import CellInfo, FrameRequest, InfoRequest

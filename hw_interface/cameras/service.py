@@ -14,7 +14,8 @@ from hw_interface.cameras.node import CameraNode
 from hw_interface.cameras.offers import this_owner
 from hw_interface.cameras.source import CameraFailedError, CameraSource
 from hw_interface.link.clock_offset import RobotClock
-from hw_interface.link.transport import CLOCK_KEY, ask
+from hw_interface.link.requests import ask
+from hw_interface.link.transport import CLOCK_KEY
 from hw_interface.messages.cameras import CameraHealth, ClockReading, ClockRequest
 from perception.frames import RgbdFrame
 

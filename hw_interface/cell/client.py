@@ -19,6 +19,7 @@ from hw_interface.cell.gate import valid_speed
 from hw_interface.cell.operator_lease import Operator
 from hw_interface.cell.process import SimProcess, start_sim_process
 from hw_interface.errors import CameraGoneError
+from hw_interface.link.requests import ask
 from hw_interface.link.security import LinkSecurity
 from hw_interface.link.streams import StateReader
 from hw_interface.link.transport import (
@@ -35,7 +36,6 @@ from hw_interface.link.transport import (
     STOP_KEY,
     TRAJECTORY_KEY,
     TRUTH_KEY,
-    ask,
     open_client_session,
 )
 from hw_interface.messages.cameras import CameraHealth, HealthRequest
@@ -55,6 +55,7 @@ from hw_interface.messages.robot import (
 )
 from hw_interface.messages.truth import FrameTruthMessage, FrameTruthRequest, TruthMessage, TruthRequest
 from hw_interface.messages.wire import M, Message
+from hw_interface.own_time import LOOK, OwnTime
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth, FrameTruth
 
@@ -62,8 +63,13 @@ __all__ = ["CellClient", "ExecutionReport", "MotionProgress", "SimProcess", "sta
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
 CAMERA_TIMEOUT = 5.0  # [s]; a camera process answers, if with a refusal, within its own much shorter limit
-MAX_FRAME_AGE = 2.0  # [s] on the robot's clock, after the wire; camera processes themselves allow far less
-SILENCE = 3.0  # [s] without a state while the process itself is alive: its loop hangs (a picture may take a second)
+# [s] on the robot's clock, after the wire; camera processes themselves allow far less. A simulated cell stands still
+# with its process, so its picture shows what is there now, however long a stalling machine had it under way.
+MAX_FRAME_AGE, MAX_SIMULATED_FRAME_AGE = 2.0, 30.0
+# [s] of this process's own time without a state while the link lives. A real robot's process is frozen or hangs then,
+# and its arm rests; one that stalls for less says afterwards what became of the motion. A simulated cell may be taking
+# a picture.
+SILENCE, SIMULATED_SILENCE = 3.0, 30.0
 REST_TIMEOUT = 10.0  # [s] that an arm told to stop may take to rest
 
 
@@ -200,12 +206,13 @@ class CellClient:
         """
         return self._same_epoch(self._ask(STATE_KEY, StateRequest(), RobotState, self._timeout))
 
-    def frames(self, cameras: Iterable[str] | None = None, max_age: float = MAX_FRAME_AGE) -> list[RgbdFrame]:
+    def frames(self, cameras: Iterable[str] | None = None, max_age: float | None = None) -> list[RgbdFrame]:
         """Pictures taken now, one per camera.
 
         Args:
             cameras: Names; by default all of the cell's cameras that this client has ever found there.
-            max_age: How old a picture may be when it comes, on the robot's clock in [s].
+            max_age: How old a picture may be when it comes, on the robot's clock in [s]; by default 2 s, and 30 s where
+                a simulated cell takes it.
 
         Raises:
             ConfigError: Two processes offer the same camera.
@@ -228,8 +235,10 @@ class CellClient:
             raise RefusedError("unknown_camera", f"no camera '{missing[0]}' in this cell; it has {list(there)}")
         return [self._frame(name, max_age) for name in names]
 
-    def _frame(self, name: str, max_age: float) -> RgbdFrame:
+    def _frame(self, name: str, max_age: float | None) -> RgbdFrame:
         own = name in self.info.cameras
+        if max_age is None:
+            max_age = MAX_SIMULATED_FRAME_AGE if own and self.info.simulated else MAX_FRAME_AGE
         timeout = FRAME_TIMEOUT if own else CAMERA_TIMEOUT
         try:
             frame = self._ask(f"{FRAME_KEY}/{name}", FrameRequest(), FrameMessage, timeout).frame()
@@ -346,7 +355,7 @@ class CellClient:
         Raises:
             RefusedError: The robot does not play it; nothing moved.
             StoppedError: Somebody asked the robot to stop; it rests on its path.
-            RobotGoneError: The robot process died or froze; what the arm does is unknown.
+            RobotGoneError: The robot process died, or does not report any more; what the arm does is unknown.
         """
         self._check_alive()
         if self._operator is None:
@@ -369,7 +378,6 @@ class CellClient:
         self, request: TrajectoryRequest, on_progress: Callable[[MotionProgress], None] | None
     ) -> ExecutionReport:
         serial = self._ask(TRAJECTORY_KEY, request, Accepted, self._timeout).serial
-        self._latest_at = time.monotonic()
         seen = 0
         while True:
             state, seen = self._wait_for_state(seen)
@@ -403,21 +411,23 @@ class CellClient:
     def _check_alive(self) -> None:
         if not self._alive:
             raise RobotGoneError(
-                f"the robot process at {self.endpoint} has ended or is frozen; see to the arm, then start it again"
+                f"the robot process at {self.endpoint} has ended, or the link to it was lost; see to the arm, then "
+                "start it again"
             )
 
     def _wait_for_state(self, seen: int) -> tuple[RobotState, int]:
         """The next published state after number `seen`, and its number."""
+        longest = SIMULATED_SILENCE if self.info.simulated else SILENCE
+        waited = OwnTime()
         with self._news:
             while self._count == seen or self._latest is None:
                 self._check_alive()
-                silent = time.monotonic() - self._latest_at
-                if silent > SILENCE:
+                if waited.look() > longest:
                     raise RobotGoneError(
-                        f"the robot process at {self.endpoint} lives but has not reported for {silent:.1f} s; "
-                        "see to the arm, then restart it"
+                        f"the robot process at {self.endpoint} has not reported for {waited.counted:.1f} s: it is "
+                        "frozen or hangs, or the link to it is cut; see to the arm, then restart it"
                     )
-                self._news.wait(0.1)
+                self._news.wait(LOOK)
             # A last state that came in before the process ended is still news: it says how the motion went.
             return self._same_epoch(self._latest), self._count
 

@@ -2,7 +2,7 @@
 
 Zenoh calls back on threads of its own; they only put queries into a queue. Everything that touches the robot, its
 world or its cameras happens on the thread that calls `serve`, so no lock is needed and physics never advances while a
-picture is taken.
+picture is taken. Answers leave on a thread of their own: an asker that takes nothing holds up no robot.
 """
 
 import queue
@@ -14,8 +14,9 @@ import zenoh
 from control.errors import ConfigError, RefusedError
 from hw_interface.cell.audit import Audit
 from hw_interface.cell.audit_log import AuditLog
-from hw_interface.cell.operator_lease import OperatorLease
+from hw_interface.cell.operator_lease import BEAT_LEASE, PATIENCE, OperatorLease
 from hw_interface.cell.robot_state_machine import RobotStateMachine
+from hw_interface.link.requests import Outbox, read_request, refusal_of
 from hw_interface.link.security import LinkSecurity
 from hw_interface.link.streams import declare_stream
 from hw_interface.link.transport import (
@@ -32,10 +33,7 @@ from hw_interface.link.transport import (
     STOP_KEY,
     TRAJECTORY_KEY,
     TRUTH_KEY,
-    answer,
     open_robot_session,
-    read_request,
-    refusing,
 )
 from hw_interface.messages.cameras import ClockReading, ClockRequest
 from hw_interface.messages.frames import FrameMessage
@@ -72,10 +70,13 @@ class RobotNode:
         frame_truth: Likewise: what truly is in a camera's picture now; None leaves the key out.
         audit: Where to write down what is asked for and done; nothing moves when it cannot be written.
         state_rate: States a second to publish, 1 to 1000, as far as `serve` is called as often.
+        simulated: Whether nothing real moves, and robot time stands still whenever this process does. Such a robot
+            waits for an operator who is silent, where a real one comes to rest. Never true for a real robot.
 
     Attributes:
         endpoint: Where clients find it.
         state_period: Time between two states in [s].
+        simulated: As given.
 
     Raises:
         ConfigError: The port is in use, the endpoint is not valid, or the router has a robot already.
@@ -94,10 +95,12 @@ class RobotNode:
         connect: bool = False,
         audit: AuditLog | None = None,
         state_rate: float = STATE_RATE,
+        simulated: bool = False,
     ) -> None:
         if not 1.0 <= state_rate <= MOST_STATES:
             raise ConfigError(f"{state_rate:g} states a second are not valid; give 1 to {MOST_STATES:g}")
         self.state_period = 1.0 / state_rate
+        self.simulated = simulated
         self._driver = driver
         self._audit = Audit(driver, audit)
         self._cameras = cameras
@@ -107,6 +110,7 @@ class RobotNode:
         self._inbox: queue.SimpleQueue[tuple[Callable[[zenoh.Query], None], zenoh.Query]] = queue.SimpleQueue()
         self._next_state = 0.0
         self._session, self.endpoint = open_robot_session(endpoint, security, connect)
+        self._outbox = Outbox(self._session)
         self._lease = OperatorLease(self._session)
         self._state_publisher = declare_stream(self._session, STATE_KEY)
         self._answers = [
@@ -145,15 +149,23 @@ class RobotNode:
             except queue.Empty:
                 break
             wait, begun = 0.0, time.monotonic()
-            with query, refusing(query):
+            try:
                 handler(query)
+            except Exception as error:  # a fault of ours in one answer must not end the process that holds the arm
+                self._outbox.reply(query, refusal_of(error))
             spent += time.monotonic() - begun
             self.publish_state()
-        if self._driver.moving and (gone := self._lease.lost()):
+        patience = PATIENCE if self.simulated else BEAT_LEASE
+        if self._driver.moving and (gone := self._lease.lost(patience)):
             self._driver.reflex("operator_gone", f"{gone}; look at the cell, then acknowledge")
         self._audit.watch()
         self.publish_state()
         return spent
+
+    @property
+    def waiting(self) -> bool:
+        """Whether robot time has to stand still: a simulated motion whose operator is silent at present."""
+        return self.simulated and self._driver.mode == "moving" and self._lease.silence() > BEAT_LEASE
 
     def publish_state(self) -> None:
         """Publish the state if it is time to."""
@@ -164,7 +176,8 @@ class RobotNode:
             self._state_publisher.put(encode(self._driver.state()))
 
     def close(self) -> None:
-        """Leave the wire; clients see it at once."""
+        """Send what is still to be answered, then leave the wire; clients see it at once."""
+        self._outbox.close()
         self._session.close()
 
     def _answer_info(self, query: zenoh.Query) -> None:
@@ -178,20 +191,21 @@ class RobotNode:
             cameras=self._cameras,
             max_scene_age=self._driver.gate.max_scene_age,
             scored=self._truth is not None,
+            simulated=self.simulated,
         )
-        answer(query, info)
+        self._outbox.reply(query, info)
 
     def _answer_state(self, query: zenoh.Query) -> None:
         read_request(query, StateRequest)
-        answer(query, self._driver.state())
+        self._outbox.reply(query, self._driver.state())
 
     def _answer_clock(self, query: zenoh.Query) -> None:
         read_request(query, ClockRequest)
-        answer(query, ClockReading(stamp=self._driver.state().stamp))
+        self._outbox.reply(query, ClockReading(stamp=self._driver.state().stamp))
 
     def _answer_frame(self, query: zenoh.Query) -> None:
         read_request(query, FrameRequest)
-        answer(query, FrameMessage.of(self._take_frame(self._camera(query, FRAME_KEY))))
+        self._outbox.reply(query, FrameMessage.of(self._take_frame(self._camera(query, FRAME_KEY))))
 
     def _answer_trajectory(self, query: zenoh.Query) -> None:
         request = read_request(query, TrajectoryRequest)
@@ -207,40 +221,41 @@ class RobotNode:
             if not self._driver.moving:  # a motion under way says itself that the robot is busy
                 note["operator"] = self._lease.take(request.operator)
             accepted = self._driver.submit(request.trajectory(), certificate, request.speed)
-        answer(query, accepted)
-        assert query.payload is not None
-        self._session.put(EXECUTING_KEY, query.payload)
+        payload = query.payload
+        assert payload is not None
+        self._outbox.reply(query, accepted)
+        self._outbox.publish(EXECUTING_KEY, payload)
 
     def _answer_stop(self, query: zenoh.Query) -> None:
         request = read_request(query, StopRequest)
         self._driver.stop()  # first of all, and whether or not it can be written down
         self._audit.note("stop", reason=request.reason)
-        answer(query, self._driver.state())
+        self._outbox.reply(query, self._driver.state())
 
     def _answer_speed(self, query: zenoh.Query) -> None:
         speed = read_request(query, SpeedRequest).speed
         with self._audit.asking("speed", speed=speed):
             self._driver.set_speed(speed)
-        answer(query, self._driver.state())
+        self._outbox.reply(query, self._driver.state())
 
     def _answer_acknowledge(self, query: zenoh.Query) -> None:
         read_request(query, AcknowledgeRequest)
         with self._audit.asking("acknowledge"):
             self._driver.acknowledge()
-        answer(query, self._driver.state())
+        self._outbox.reply(query, self._driver.state())
 
     def _answer_result(self, query: zenoh.Query) -> None:
-        answer(query, self._driver.result(read_request(query, ResultRequest).serial))
+        self._outbox.reply(query, self._driver.result(read_request(query, ResultRequest).serial))
 
     def _answer_truth(self, query: zenoh.Query) -> None:
         read_request(query, TruthRequest)
         assert self._truth is not None
-        answer(query, TruthMessage.of(self._truth(), time.time()))
+        self._outbox.reply(query, TruthMessage.of(self._truth(), time.time()))
 
     def _answer_frame_truth(self, query: zenoh.Query) -> None:
         read_request(query, FrameTruthRequest)
         assert self._frame_truth is not None
-        answer(query, FrameTruthMessage.of(self._frame_truth(self._camera(query, FRAME_TRUTH_KEY))))
+        self._outbox.reply(query, FrameTruthMessage.of(self._frame_truth(self._camera(query, FRAME_TRUTH_KEY))))
 
     def _camera(self, query: zenoh.Query, key: str) -> str:
         """Name of the camera behind a key.

@@ -1,9 +1,13 @@
 """Who may have the robot moved: one operator at a time, for as long as that program lives and its heart beats.
 
-An operator is a client that has sent a motion. It holds a liveliness token, which goes when its process is killed, its
-link is cut or, after the lease (300 ms), when it is frozen; and it beats by
-itself, which shows that its interpreter still runs. Losing either while a motion is played brings the arm to rest on
-its path.
+An operator is a client that has sent a motion. It holds a liveliness token, which goes when its process is killed or
+its link is closed, and it beats: a thread of the program says every 50 ms that the program runs. The beat is the
+application's and goes from end to end, over routers too; how long the link itself lives has nothing to do with it.
+
+The beat counts only while a motion is played. On a robot whose time does not wait, half a second without one brings the
+arm to rest on its path. That is ten beats, and more than one lost packet takes (Linux sends again after 0.2 s). A
+program that computes for so long without letting its other threads run counts as silent too; it would not hear a Ctrl-C
+either. A simulation waits instead: its time stands still until the beats come again.
 """
 
 import getpass
@@ -18,13 +22,15 @@ from types import TracebackType
 import zenoh
 
 from control.errors import RefusedError
+from hw_interface.own_time import OwnTime
 
 OPERATOR_KEY = "cell/operator"  # liveliness token, followed by /<identity>/<label>
 BEAT_KEY = "cell/operator_beat"  # followed by /<identity>; the payload is empty
-BEAT_PERIOD = 0.2  # [s]
-BEAT_LEASE = 1.5  # [s] without a beat; a program may well compute for a second without letting another thread run
-OWN_PAUSE = 0.5  # [s] between two looks of the robot side after which the silence in between does not count
-TOKEN_TIMEOUT = 1.0  # [s] for the answer to whether an unknown operator is there
+BEAT_PERIOD = 0.05  # [s]
+BEAT_LEASE = 0.5  # [s] without a beat after which the operator counts as silent
+PATIENCE = 60.0  # [s] without a beat after which even a simulation waits no longer
+TOKEN_LOOKS, TOKEN_PAUSE = 200, 0.005  # how often to look for an unknown operator, and [s] between two looks
+TOKEN_TIMEOUT = 1.0  # [s] for the answer to one look; it comes at once
 
 
 class OperatorLease:
@@ -36,10 +42,11 @@ class OperatorLease:
     """
 
     def __init__(self, session: zenoh.Session, clock: Callable[[], float] = time.monotonic) -> None:
-        self._session, self._clock = session, clock
+        self._session = session
         self._labels: dict[str, str] = {}  # of those that are alive, by identity; written by the transport's thread
-        self._beats: dict[str, float] = {}
-        self._asked = clock()
+        self._beats: dict[str, int] = {}  # heard so far, by identity; likewise
+        self._heard = 0  # of them, at the last look
+        self._silence = OwnTime(clock)
         self.holder: str | None = None
         self._subscribers = (
             session.liveliness().declare_subscriber(f"{OPERATOR_KEY}/*/*", self._on_token, history=True),
@@ -59,31 +66,43 @@ class OperatorLease:
                 "has ended (anybody may stop the robot)",
             )
         # The token was declared before the motion was sent, but the two may come in another order.
-        until = time.monotonic() + TOKEN_TIMEOUT
-        while identity not in self._labels and time.monotonic() < until:
+        for _ in range(TOKEN_LOOKS):
+            if identity in self._labels:
+                break
             for reply in self._session.liveliness().get(f"{OPERATOR_KEY}/{identity}/*", timeout=TOKEN_TIMEOUT):
                 if reply.ok is not None:
                     self._see(str(reply.ok.key_expr))
-            time.sleep(0.005)
+            time.sleep(TOKEN_PAUSE)
         if identity not in self._labels:
             raise RefusedError("no_operator", "the motion's operator is not there any more; connect and send it again")
         self.holder = identity
-        self._beats[identity] = self._clock()
+        self._silence.restart()
         return self._labels[identity]
 
-    def lost(self) -> str | None:
-        """Why the operator who has the robot is no longer there, or None."""
+    def silence(self) -> float:
+        """For how long in [s] of this process's own time the operator who has the robot was not heard."""
+        beats = self._beats.get(self.holder or "", 0)
+        if beats != self._heard:
+            self._heard = beats
+            self._silence.restart()
+        return self._silence.look()
+
+    def lost(self, patience: float = BEAT_LEASE) -> str | None:
+        """Why the operator who has the robot is no longer there, or None.
+
+        Args:
+            patience: Longest silence in [s].
+        """
         if self.holder is None:
             return "nobody operates the robot"
         if self.holder not in self._labels:
-            return "the operator's program has ended or is frozen, or its link is cut"
-        now = self._clock()
-        if now - self._asked > OWN_PAUSE:
-            self._beats[self.holder] = now  # this process stood still itself: what it has not heard says nothing
-        self._asked = now
-        silent = now - self._beats.get(self.holder, 0.0)
-        if silent > BEAT_LEASE:
-            return f"the operator's program has stood still for {silent:.1f} s"
+            return "the operator's program has ended, or its link is cut"
+        silent = self.silence()
+        if silent > patience:
+            return (
+                f"the operator's program was not heard for {silent:.1f} s: it is frozen, its link is cut, or it "
+                "computes without letting its other threads run"
+            )
         return None
 
     def _on_token(self, sample: zenoh.Sample) -> None:
@@ -98,7 +117,8 @@ class OperatorLease:
         self._labels[identity] = label
 
     def _on_beat(self, sample: zenoh.Sample) -> None:
-        self._beats[str(sample.key_expr).rsplit("/", 1)[-1]] = self._clock()
+        identity = str(sample.key_expr).rsplit("/", 1)[-1]
+        self._beats[identity] = self._beats.get(identity, 0) + 1
 
 
 class Operator:
@@ -114,7 +134,13 @@ class Operator:
     def __init__(self, session: zenoh.Session) -> None:
         self.identity = uuid.uuid4().hex
         self._token = session.liveliness().declare_token(f"{OPERATOR_KEY}/{self.identity}/{operator_label()}")
-        self._beat = session.declare_publisher(f"{BEAT_KEY}/{self.identity}")
+        # A beat overtakes what is bulky. One that the link has no room for is dropped: the next one says the same.
+        self._beat = session.declare_publisher(
+            f"{BEAT_KEY}/{self.identity}",
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._beat_on, name="operator's heartbeat", daemon=True)
         self._thread.start()

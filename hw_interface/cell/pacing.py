@@ -23,7 +23,9 @@ from replan_base.interruption import ending_signals
 BURST = 0.005  # [s] of robot time between two looks at the inbox while moving
 IDLE_BURST = 0.015  # [s]; at rest a coarser beat keeps the idle load low
 MOST_LATE = 0.05  # [s] of wall time that are caught up after a delay
-FROZEN_AFTER = 1.0  # [s]; a loop that stood still this long (a suspended process) must not go on with a motion
+# [s]; a loop that stood still for so long (a suspended process) must not go on with a motion, unless it simulates: then
+# nothing has moved meanwhile.
+FROZEN_AFTER = 1.0
 PARENT_CHECK = 0.25  # [s]
 FAREWELL_TIME = 0.3  # [s]
 END_STOP_TIME = 3.0  # [s] of robot time that a stop may take when the process is told to end in a motion
@@ -94,11 +96,12 @@ def serve_robot(
     security: LinkSecurity | None = None,
     connect: bool = False,
     state_rate: float = STATE_RATE,
+    simulated: bool = False,
 ) -> None:
     """Offer a robot and its cameras at an endpoint, print the ready line, and run until the leash ends it.
 
     Args:
-        driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect, state_rate: As in
+        driver, cameras, take_frame, endpoint, truth, frame_truth, security, connect, state_rate, simulated: As in
             `RobotNode`.
         speed: As in `run_loop`.
         leash: When to end.
@@ -119,6 +122,7 @@ def serve_robot(
             security=security,
             connect=connect,
             state_rate=state_rate,
+            simulated=simulated,
         )
         try:
             announce(node, driver)
@@ -135,6 +139,8 @@ def announce(node: RobotNode, driver: RobotStateMachine) -> None:
 
 def run_loop(driver: Driver, node: RobotNode, leash: Leash, speed: float) -> None:
     """Tick and serve until the leash ends it; a motion is brought to rest first.
+
+    A simulated robot's time stands still while its process does, and while the operator of its motion is silent.
 
     Args:
         speed: Robot time per wall time while moving; 0 means as fast as possible. At rest robot time is wall time.
@@ -158,11 +164,14 @@ def run_loop(driver: Driver, node: RobotNode, leash: Leash, speed: float) -> Non
         # An answer is a reason to stand still only as far as it was worked on: a suspended process works on nothing.
         stall = max(stall, now - mark - wait - min(spent, cpu - used))
         mark, used = now, cpu
+        if node.waiting:
+            due, stall = now + BURST, 0.0
+            continue
         if driver.moving and not moving:
             due = now  # a motion has just been accepted: begin now
         elif now < due:
             continue
-        if stall > FROZEN_AFTER and driver.moving:
+        if stall > FROZEN_AFTER and driver.moving and not node.simulated:
             driver.reflex("frozen", f"the robot process stood still for {stall:.1f} s in a motion")
         stall = 0.0
         moving = driver.moving

@@ -13,16 +13,9 @@ import zenoh
 
 from control.errors import RobotGoneError, StackError
 from hw_interface.cameras.node import CameraNode
+from hw_interface.link.requests import answer, read_request, refusing
 from hw_interface.link.security import LinkSecurity
-from hw_interface.link.transport import (
-    ALIVE_KEY,
-    TRUTH_KEY,
-    answer,
-    open_client_session,
-    parse_endpoint,
-    read_request,
-    refusing,
-)
+from hw_interface.link.transport import ALIVE_KEY, TRUTH_KEY, open_client_session, parse_endpoint
 from hw_interface.messages.truth import TruthMessage, TruthRequest
 from perception.frames import RgbdFrame
 from perception.ground_truth import CellTruth

@@ -1,38 +1,34 @@
-"""Zenoh sessions and request/answer helpers. Nothing is discovered or multicast.
+"""Zenoh sessions and the keys of a cell. Nothing is discovered or multicast.
 
 Plain TCP stays within this machine (loopback). Between machines there is mutual TLS with rights by role; see
 `hw_interface.link.security`.
 
-A request is a zenoh query. Its answer is either a message of the expected type, or an error payload that holds a
-Refusal. No answer at all means that nobody was there to hear it, which is a failure and never a success.
+The link lives long: a busy machine delays what passes over it and tears nothing. Who may have the robot moved, and
+that a motion ends when nobody watches it, is decided elsewhere and sooner (`hw_interface.cell.operator_lease`).
 """
 
 import ipaddress
 import json
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import zenoh
 
-from control.errors import ConfigError, MachineError, RefusedError, RobotGoneError
-from hw_interface.errors import MessageError
-from hw_interface.link.rights import access_rules, may_ask
-from hw_interface.link.security import LISTENING_ROLES, ROLES, LinkSecurity, Role
+from control.errors import ConfigError, MachineError, RobotGoneError
+from hw_interface.link.rights import access_rules
+from hw_interface.link.security import LISTENING_ROLES, LinkSecurity
 from hw_interface.link.trouble import why_no_link
-from hw_interface.messages.robot import Refusal
-from hw_interface.messages.wire import M, Message, decode, encode
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-# A killed process is noticed at once, a frozen one after its lease. Keep-alives come from the transport's own threads,
-# so a process that computes for seconds without letting go of Python's lock keeps its lease. Nor did a link lose it in
-# 40 s with five times as many busy processes as processors.
-LEASE_MS = 300
+# A killed process is noticed at once, by its closed socket. One that is not heard for the lease loses its link: it is
+# frozen, or its cable is cut. No right to move depends on it, so it is as long as a machine may stall.
+LEASE_MS = 10_000
 KEEP_ALIVES_PER_LEASE = 4
 QUEUE_BATCHES = 16  # of 64 kB; with the transport's own 2 a picture of megabytes waits for the sender's thread 50 times
 # States have a queue of their own, so that they overtake pictures, and room for a second at 1 kHz (a batch takes about
 # 100 of them) when a client's machine is busy. Beyond that they are dropped: nobody's slowness holds up a robot's loop.
 STREAM_PRIORITY, _STREAM_QUEUE = zenoh.Priority.INTERACTIVE_HIGH, "interactive_high"
+
+LOOK_TIMEOUT = 5.0  # [s] for the answer to who is there; it comes at once where nobody stalls
 
 ALIVE_KEY = "cell/alive"  # liveliness token of the robot process
 INFO_KEY = "cell/info"
@@ -177,7 +173,7 @@ def open_robot_session(
     if security is not None and security.role != "robot":
         raise ConfigError(f"the link file has role '{security.role}'; a robot process needs one with role 'robot'")
     session = _connect(endpoint, 5.0, security, "router", "start one (replan router)")
-    if any(reply.ok is not None for reply in session.liveliness().get(ALIVE_KEY, timeout=1.0)):
+    if any(reply.ok is not None for reply in session.liveliness().get(ALIVE_KEY, timeout=LOOK_TIMEOUT)):
         session.close()
         raise MachineError(f"the router at {endpoint} has a robot already; end that one, or start another router")
     return session, endpoint
@@ -214,73 +210,3 @@ def _connect(endpoint: str, timeout: float, security: LinkSecurity | None, whom:
     except zenoh.ZError as error:
         why = why_no_link(protocol, host, port, security, timeout)
         raise RobotGoneError(f"no {whom} answers at {endpoint} within {timeout:g} s; {why or remedy}") from error
-
-
-def ask(
-    session: zenoh.Session, key: str, request: Message, expected: type[M], timeout: float, role: Role | None = None
-) -> M:
-    """The answer to a request.
-
-    Args:
-        timeout: Longest wait in [s].
-        role: Of this side's certificate, if it has one: explains why there was no answer.
-
-    Raises:
-        RefusedError: The robot answered with a Refusal, or (no_right) the role may not ask this.
-        RobotGoneError: No answer.
-        MessageError: An answer that is not a message of the expected type.
-    """
-    # The first reply is the answer; what the other side does before it lets go of the query is not waited for.
-    for reply in session.get(key, payload=encode(request), timeout=timeout):
-        if reply.ok is not None:
-            return decode(reply.ok.payload.to_bytes(), expected)
-        assert reply.err is not None
-        payload = reply.err.payload.to_bytes()
-        try:
-            refusal = decode(payload, Refusal)
-        except MessageError as error:
-            if error.field == "protocol":
-                raise
-            break  # the transport's own errors ("Timeout") are plain text
-        raise RefusedError(refusal.code, refusal.reason)
-    if role is not None and not may_ask(role, key):
-        raise RefusedError(
-            "no_right",
-            f"this link's certificate has role '{role}', which may not use '{key}'; nothing was done: use a link file "
-            f"of a role that may ({', '.join(r for r in ROLES if may_ask(r, key))})",
-        )
-    raise RobotGoneError(
-        f"the robot process did not answer '{key}' within {timeout:g} s; it has ended, is frozen, does not "
-        "offer it, or gives this link no right to it"
-    )
-
-
-def answer(query: zenoh.Query, message: Message) -> None:
-    """Answer a query: with a reply, or with an error payload if the message is a Refusal."""
-    if isinstance(message, Refusal):
-        query.reply_err(encode(message))
-    else:
-        query.reply(query.key_expr, encode(message))
-
-
-def read_request(query: zenoh.Query, expected: type[M]) -> M:
-    """The request in a query.
-
-    Raises:
-        MessageError: No payload, or one that is not such a message.
-    """
-    payload = query.payload
-    return decode(b"" if payload is None else payload.to_bytes(), expected)
-
-
-@contextmanager
-def refusing(query: zenoh.Query) -> Iterator[None]:
-    """Turn every failure inside into a Refusal answered to the query, so that a peer always learns why."""
-    try:
-        yield
-    except RefusedError as error:
-        answer(query, Refusal(code=error.code, reason=str(error)[:2000]))
-    except MessageError as error:
-        answer(query, Refusal(code="bad_message", reason=str(error)[:2000]))
-    except Exception as error:  # a fault of ours in one answer must not end the process that holds the arm
-        answer(query, Refusal(code="internal_error", reason=f"{type(error).__name__}: {error}"[:2000]))

@@ -89,6 +89,8 @@ class CellInfo(Message):
         cameras: Names to ask frames of.
         max_scene_age: Oldest frame in [s] that a motion may have been judged on.
         scored: Whether the key `truth` exists (simulated cells started for a benchmark only).
+        simulated: Whether nothing real moves, and robot time stands still whenever the robot process does. False for
+            the driver of a real robot, also in front of a simulated control box.
     """
 
     type_name: ClassVar[str] = "cell_info"
@@ -100,6 +102,7 @@ class CellInfo(Message):
     cameras: tuple[Name, ...]
     max_scene_age: float
     scored: bool
+    simulated: bool
 
 
 class InfoRequest(Message):

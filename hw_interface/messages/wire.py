@@ -1,6 +1,6 @@
 """Bytes of a message: a msgpack envelope around a strictly checked pydantic model. No scheme that can run code.
 
-    {"protocol": 3, "type": "stop_request", "crc": 1234567890, "body": {...}}
+    {"protocol": 4, "type": "stop_request", "crc": 1234567890, "body": {...}}
 
 in this order; `crc` is the CRC-32 (zlib.crc32) of the type's UTF-8 bytes followed by the packed body. TCP's own sum of
 16 bits is made anew by everything that forwards a stream, and plain zenoh carries whatever bytes it is given: without
@@ -21,7 +21,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, Va
 
 from hw_interface.errors import MessageError
 
-PROTOCOL_VERSION = 3  # raised whenever a message changes in a way that an older peer would misread
+PROTOCOL_VERSION = 4  # raised whenever a message changes in a way that an older peer would misread
 MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a millisecond), or a 1280x960 frame
 _ARRAY_KEYS = {"dtype", "shape", "data"}
 _ENVELOPE = ("protocol", "type", "crc", "body")

@@ -37,6 +37,8 @@ LOG = logging.getLogger(__name__)
 # A client waits 5 s for its answer, and is to hear why nothing moves.
 LOAD_TIMEOUT = 3.0  # [s]
 RECOVER_TIMEOUT = 3.0  # [s]
+# [s] without a turn of the gripper's process. At rest nothing waits for it but the next motion, which is refused then.
+HAND_SILENT_MOVING, HAND_SILENT_RESTING = 3.0, 10.0
 SUPERVISOR = "supervisor"  # who asks the player
 ROBOT_MODES = ("other", "idle", "move", "guiding", "reflex", "user_stopped", "recovery")  # as libfranka.RobotMode
 IDLE, REFLEX, USER_STOPPED = 1, 4, 5  # of these
@@ -124,12 +126,11 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
             raise RefusedError("not_ready", f"{why}; connecting again now: acknowledge again in some seconds")
         if self._connecting:
             raise RefusedError("not_ready", "the control box is being connected to; acknowledge again in some seconds")
-        hand = self._hand.read()
-        if hand.connecting:
+        if self._hand.read().connecting:
             raise RefusedError("not_ready", "the gripper is being connected to; acknowledge again in some seconds")
-        if hand.fault is not None:
+        if (why := self._hand_out(HAND_SILENT_MOVING)) is not None:
             self._hand.restart()
-            raise RefusedError("not_ready", f"{hand.fault}; connecting to it anew: acknowledge again in some seconds")
+            raise RefusedError("not_ready", f"{why}; connecting to it anew: acknowledge again in some seconds")
         try:
             answer = self._player.ask(Recover(), Recovered, RECOVER_TIMEOUT)
         except StackError as error:
@@ -247,8 +248,15 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
         self._connect_again()
         return trouble
 
+    def _hand_out(self, longest: float) -> str | None:
+        """Why the gripper cannot be used, or None; silence counts when it lasts for more than `longest` in [s]."""
+        hand = self._hand.read()
+        if hand.fault is None and hand.silent > longest:
+            return f"the gripper has not answered for {hand.silent:.1f} s"
+        return hand.fault
+
     def _hand_fault(self) -> Trouble | None:
-        fault = self._hand.read().fault
+        fault = self._hand_out(HAND_SILENT_RESTING if self._motion is None else HAND_SILENT_MOVING)
         if fault is None or self._trouble is not None:
             return None
         if self._motion is not None and self._motion.stopping:
@@ -260,6 +268,8 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> ClearedMotion:
         if self._connecting or self._not_connected or self._robot_mode != IDLE:
             raise RefusedError("not_ready", "the control box is not ready for a motion; see Desk, then acknowledge")
+        if (why := self._hand_out(HAND_SILENT_MOVING)) is not None:
+            raise RefusedError("not_ready", f"{why}; see to the gripper, then send the motion again")
         self._motions += 1
         motion = ClearedMotion(
             trajectory,

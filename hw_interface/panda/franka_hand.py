@@ -1,17 +1,18 @@
 """The Franka Hand through libfranka, in a thread of its own process: its commands block until they are done."""
 
 import threading
-import time
 from typing import Any
 
 from control.errors import MachineError
 from control.robot.gripper import GripperModel
 from control.trajectory.samples import GripperCommand
+from hw_interface.own_time import OwnTime
 from hw_interface.panda.hand import HandReading
 from replan_base.parts import install_part
 
 SPEED = 0.1  # [m/s] between the pads; Franka Hand, product manual: travel speed 50 mm/s a finger
 PATIENCE = 2.5  # [s] without a state after which the gripper is taken to be gone
+LATE_STATE = 1.0  # [s] after which libfranka gives up on a state
 NOTHING = 0.002  # [m]; pads nearer than this hold nothing
 
 
@@ -27,7 +28,7 @@ class FrankaHand:
         self._gripper, self._model = gripper, model
         self._worker: threading.Thread | None = None
         self._fault: str | None = None
-        self._heard = time.monotonic()
+        self._silent = OwnTime(longest=LATE_STATE)
         self._look()
 
     def read(self) -> HandReading:
@@ -37,7 +38,7 @@ class FrankaHand:
             try:
                 self._look()
             except Exception as error:  # libfranka gives up on a state that is late; the next one may come
-                if time.monotonic() - self._heard > PATIENCE:
+                if self._silent.look() > PATIENCE:
                     self._fault = f"the gripper sends no states: {' '.join(str(error).split())}"
         return HandReading(self._width, busy, self._grasped and not busy, self._fault)
 
@@ -55,7 +56,8 @@ class FrankaHand:
 
     def _look(self) -> None:
         state = self._gripper.read_once()
-        self._width, self._grasped, self._heard = float(state.width), bool(state.is_grasped), time.monotonic()
+        self._width, self._grasped = float(state.width), bool(state.is_grasped)
+        self._silent.restart()
 
     def _carry_out(self, command: GripperCommand) -> None:
         try:
@@ -69,7 +71,7 @@ class FrankaHand:
             if "aborted" not in str(error):  # by a newer command
                 self._fault = f"the gripper did not do what it was told: {' '.join(str(error).split())}"
         finally:
-            self._heard = time.monotonic()
+            self._silent.restart()
 
 
 def connect_hand(address: str, model: GripperModel) -> FrankaHand:

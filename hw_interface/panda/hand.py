@@ -15,6 +15,7 @@ class HandReading:
         busy: Whether a command is under way.
         grasped: Whether it holds something.
         fault: What is wrong with it, in words; None while all is well.
+        silent: For how long in [s] of the supervisor's own time its process has said nothing; 0 while it answers.
         connecting: Whether it is being connected to, which is a fault until it is.
     """
 
@@ -23,6 +24,7 @@ class HandReading:
     grasped: bool
     fault: str | None = None
     connecting: bool = False
+    silent: float = 0.0
 
 
 class Hand(Protocol):

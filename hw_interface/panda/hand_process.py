@@ -4,7 +4,6 @@ import mmap
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Pipe
 from typing import ClassVar, Literal
@@ -16,11 +15,11 @@ from control.trajectory.samples import GripperCommand
 from hw_interface.errors import MessageError
 from hw_interface.messages.robot import Refusal
 from hw_interface.messages.wire import Message
+from hw_interface.own_time import OwnTime
 from hw_interface.panda.hand import Hand, HandReading
 from hw_interface.panda.link import Link
 
 CONNECT_TIMEOUT = 15.0  # [s]
-SILENT = 3.0  # [s] without a turn of the process's loop: it, or the gripper, hangs
 TURN = 0.005  # [s]
 _STATE = np.dtype([("alive", "<u8"), ("done", "<u8"), ("width", "<f8"), ("grasped", "<u8")])
 
@@ -56,11 +55,10 @@ class HandProcess:
 
     Args:
         command: Program and arguments of the process; `--link-fd N --board-fd N` are added.
-        clock: Monotonic clock in [s].
     """
 
-    def __init__(self, command: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
-        self._command, self._clock = tuple(command), clock
+    def __init__(self, command: Sequence[str]) -> None:
+        self._command = tuple(command)
         self._start()
 
     def await_ready(self) -> None:
@@ -90,7 +88,7 @@ class HandProcess:
         )
         theirs.close()
         self.pid = self._process.pid
-        self._ready, self._give_up = False, self._clock() + CONNECT_TIMEOUT
+        self._ready, self._turns, self._silent = False, 0, OwnTime()
 
     def _hear(self, wait: float) -> None:
         """Take in what the process says, waiting up to `wait` seconds for it."""
@@ -103,10 +101,11 @@ class HandProcess:
             self._fault = str(error)
             return
         if isinstance(message, HandReady):
-            self._ready, self._turns = True, (0, self._clock())
+            self._ready = True
+            self._silent.restart()
         elif isinstance(message, HandFault | Refusal):
             self._fault = message.reason
-        elif not self._ready and self._clock() > self._give_up:
+        elif not self._ready and self._silent.look() > CONNECT_TIMEOUT:
             self._fault = f"the gripper does not answer within {CONNECT_TIMEOUT:g} s"
 
     def read(self) -> HandReading:
@@ -117,7 +116,8 @@ class HandProcess:
             self._hear(0.0)
         fault = self._fault or self._new_fault()
         connecting = self._fault is None and not self._ready
-        return HandReading(float(state["width"][0]), busy, bool(state["grasped"][0]) and not busy, fault, connecting)
+        grasped = bool(state["grasped"][0]) and not busy
+        return HandReading(float(state["width"][0]), busy, grasped, fault, connecting, self._silence())
 
     def begin(self, command: GripperCommand) -> None:
         """Begin a command."""
@@ -148,14 +148,17 @@ class HandProcess:
     def _new_fault(self) -> str | None:
         if not self._ready:
             return "the gripper is being connected to"
-        now, turns = self._clock(), int(self._state["alive"][0])
-        if turns != self._turns[0]:
-            self._turns = (turns, now)
         if self._process.poll() is not None:
             self._fault = "the gripper's process has ended"
-        elif now - self._turns[1] > SILENT:
-            self._fault = f"the gripper has not answered for {now - self._turns[1]:.1f} s"
         return self._fault
+
+    def _silence(self) -> float:
+        """For how long in [s] the process's loop has not turned: it, or the gripper, hangs or stalls."""
+        turns = int(self._state["alive"][0])
+        if turns != self._turns:
+            self._turns = turns
+            self._silent.restart()
+        return self._silent.look() if self._ready else 0.0
 
 
 def serve_hand(connect: Callable[[], Hand], link: Link, descriptor: int, gone: Callable[[], bool]) -> int:

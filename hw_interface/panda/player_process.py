@@ -4,17 +4,20 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from multiprocessing.connection import Pipe
 
 from control.errors import MachineError, RobotGoneError
 from hw_interface.messages.robot import Refusal
 from hw_interface.messages.wire import Message
+from hw_interface.own_time import LOOK, OwnTime
 from hw_interface.panda.board import ClearanceBoard
 from hw_interface.panda.link import Link, PlayerReady
 
 CONNECT_TIMEOUT = 15.0  # [s] until the control box has answered; importing takes a second or two
-STILL_MOVING, STILL_RESTING = 0.3, 3.0  # [s] without a turn of the player's loop after which it is ended
+# [s] of the supervisor's own time without a turn of the player's loop after which it is ended. At rest nothing waits
+# for it but the next motion, which asks it first: it may stand still for as long as a link may.
+STILL_MOVING, STILL_RESTING = 0.3, 10.0
 
 
 class PlayerProcess:
@@ -25,16 +28,10 @@ class PlayerProcess:
     Args:
         command: Program and arguments; `--link-fd N --board-fd N` are added.
         still_moving: Time in [s] without a turn of its loop in a motion after which it counts as hung.
-        clock: Monotonic clock in [s].
     """
 
-    def __init__(
-        self,
-        command: Sequence[str],
-        still_moving: float = STILL_MOVING,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._clock, self._still_moving = clock, still_moving
+    def __init__(self, command: Sequence[str], still_moving: float = STILL_MOVING) -> None:
+        self._still_moving = still_moving
         ours, theirs = Pipe()
         self.board = ClearanceBoard.create()
         self.link = Link(ours)
@@ -45,8 +42,8 @@ class PlayerProcess:
         )
         theirs.close()
         self.pid = self._process.pid
-        self._turns = (0, clock())
-        self._give_up = clock() + CONNECT_TIMEOUT
+        self._turns, self._still = 0, OwnTime()
+        self._connecting = OwnTime()
         self._ready = False
 
     def connected(self, wait: float = 0.0) -> bool:
@@ -59,17 +56,17 @@ class PlayerProcess:
             MachineError: The player says why it cannot work with the control box.
             RobotGoneError: The control box takes connections and is silent, or the player died.
         """
-        until = self._clock() + wait
+        waited = OwnTime()
         while True:
-            left = max(0.0, until - self._clock())
+            left = max(0.0, wait - waited.look())
             if self._ready:
                 time.sleep(min(left, 0.002))
             else:
-                self._hear(left)
+                self._hear(min(left, LOOK))
             if self._ready and self.board.written > 0:
-                self._turns = (self.board.alive, self._clock())
+                self._still.restart()
                 return True
-            if self._clock() >= self._give_up:
+            if self._connecting.look() >= CONNECT_TIMEOUT:
                 raise RobotGoneError(
                     f"the control box took the connection and was silent for {CONNECT_TIMEOUT:g} s; see that FCI is "
                     "active in Desk and that no other program holds it"
@@ -93,15 +90,16 @@ class PlayerProcess:
         return self._process.poll() is None
 
     def silent(self, moving: bool) -> float | None:
-        """For how long in [s] its loop has not turned, when that is too long; None while it lives.
+        """For how long in [s] of this process's own time its loop has not turned, when that is too long; else None.
 
         Args:
             moving: Whether a part is being played; at rest requests to the control box may take a while.
         """
-        now, turns = self._clock(), self.board.alive
-        if turns != self._turns[0]:
-            self._turns = (turns, now)
-        still = now - self._turns[1]
+        turns = self.board.alive
+        if turns != self._turns:
+            self._turns = turns
+            self._still.restart()
+        still = self._still.look()
         return still if still > (self._still_moving if moving else STILL_RESTING) else None
 
     def ask(self, message: Message, expected: type[Message], wait: float) -> Message:
@@ -112,9 +110,9 @@ class PlayerProcess:
         """
         try:
             self.link.send(message)
-            until = self._clock() + wait
-            while (left := until - self._clock()) > 0.0:
-                answer = self.link.receive(left)
+            waited = OwnTime()
+            while (left := wait - waited.look()) > 0.0:
+                answer = self.link.receive(min(left, LOOK))
                 if isinstance(answer, expected | Refusal):
                     return answer
         except (EOFError, OSError):

@@ -7,6 +7,7 @@ from typing import Any
 from control.errors import ConfigError, MachineError
 from control.robot.gripper import ROBOTIQ_2F85
 from control.trajectory.samples import GripperCommand
+from hw_interface.own_time import OwnTime
 from hw_interface.panda.hand import HandReading
 from hw_interface.robotiq import registers
 from hw_interface.robotiq.registers import Calibration, Status
@@ -98,17 +99,20 @@ class RobotiqHand:
             if not self._client.connect():
                 raise MachineError(f"no line to the gripper at {self._where}; see to its cable and its address")
             self._activate()
-            heard = time.monotonic()
+            silent = OwnTime(longest=TIMEOUT)
             while not self._closed:
-                heard = self._turn(heard)
+                self._turn(silent)
                 time.sleep(PERIOD)
         except MachineError as error:
             with self._news:
                 self._fault = str(error)
                 self._news.notify_all()
 
-    def _turn(self, heard: float) -> float:
-        """Write what was asked for and look; returns when it answered last.
+    def _turn(self, silent: OwnTime) -> None:
+        """Write what was asked for and look.
+
+        Args:
+            silent: Since when it has not answered.
 
         Raises:
             MachineError: It has not answered for too long, or says that it has a fault.
@@ -122,12 +126,13 @@ class RobotiqHand:
                     self._request = None
             status = self._look()
         if status is None:
-            if time.monotonic() - heard > SILENT - TIMEOUT:
+            if silent.look() > SILENT - TIMEOUT:
                 raise MachineError(
                     f"the gripper at {self._where} does not answer; see to its cable and its 24 V supply, then "
                     "acknowledge"
                 )
-            return heard
+            return
+        silent.restart()
         if status.fault:
             why = registers.FAULTS.get(status.fault, f"fault {status.fault:#04x}")
             raise MachineError(f"the gripper at {self._where} has a fault: {why}")
@@ -136,7 +141,6 @@ class RobotiqHand:
                 self._wanted = None  # it has taken the request in; from now on its own bits tell
             self._status = status
             self._news.notify_all()
-        return time.monotonic()
 
     def _activate(self) -> None:
         until = time.monotonic() + FIRST

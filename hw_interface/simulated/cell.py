@@ -95,4 +95,5 @@ def run_sim_cell(
         truth=world.truth if score else None,
         frame_truth=world.frame_truth if score else None,
         leash=leash or Leash(parent_pid),
+        simulated=True,
     )

@@ -119,7 +119,8 @@ def _check_cell(session: "zenoh.Session", cell: "CellConfig") -> None:
     Raises:
         ConfigError: The robot process serves another cell.
     """
-    from hw_interface.link.transport import INFO_KEY, ask
+    from hw_interface.link.requests import ask
+    from hw_interface.link.transport import INFO_KEY
     from hw_interface.messages.robot import CellInfo, InfoRequest
 
     try:

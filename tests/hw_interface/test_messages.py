@@ -152,7 +152,11 @@ def test_a_state_arrives_unchanged():
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), b"\x80", b"\x84\xa1a\x01", b"\x81\xa8protocol\x03"]
+    "data",
+    [
+        *(b"", b"\xc1", b"\x00" * 40, b"{}", bytes(range(256)), b"\x80", b"\x84\xa1a\x01"),
+        b"\x81\xa8protocol" + bytes([PROTOCOL_VERSION]),
+    ],
 )
 def test_bytes_that_are_no_message_are_refused(data: bytes):
     with pytest.raises(MessageError, match="message field 'message'"):
@@ -167,11 +171,12 @@ def test_every_truncation_of_a_message_is_refused():
 
 
 def test_another_protocol_version_is_named_with_what_to_do():
-    with pytest.raises(MessageError, match=r"'protocol': version 4 .*speaks version 3.*same release"):
-        decode(envelope("stop_request", {"reason": ""}, protocol=4), StopRequest)
+    ours, newer = PROTOCOL_VERSION, PROTOCOL_VERSION + 1
+    with pytest.raises(MessageError, match=rf"'protocol': version {newer} .*speaks version {ours}.*same release"):
+        decode(envelope("stop_request", {"reason": ""}, protocol=newer), StopRequest)
     older = msgpack.packb({"protocol": 2, "type": "stop_request", "body": {"reason": ""}})
     assert older is not None
-    with pytest.raises(MessageError, match=r"'protocol': version 2 .*speaks version 3"):
+    with pytest.raises(MessageError, match=rf"'protocol': version 2 .*speaks version {ours}"):
         decode(older, StopRequest)
 
 

@@ -27,7 +27,8 @@ from hw_interface.fci_simulator.cameras import LateCameras
 from hw_interface.fci_simulator.layout import GRIPPER_PORT, PORT
 from hw_interface.fci_simulator.process import ControlBoxProcess, free_address, start_control_box
 from hw_interface.link.keys import make_keys
-from hw_interface.link.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, ask, open_robot_session
+from hw_interface.link.requests import ask
+from hw_interface.link.transport import ALIVE_KEY, FRAME_KEY, TRUTH_KEY, open_robot_session
 from hw_interface.messages.frames import FrameMessage
 from hw_interface.messages.robot import FrameRequest
 from hw_interface.messages.truth import TruthMessage, TruthRequest

@@ -1,6 +1,5 @@
 """Motions over links that delay, stall, part, are cut and flip bits: played once as they were meant, or not at all."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -17,7 +16,7 @@ from hw_interface.cell.client import CellClient, MotionProgress
 from hw_interface.cell.operator_lease import Operator
 from hw_interface.cell.process import SimProcess
 from hw_interface.errors import MessageError
-from hw_interface.link import transport
+from hw_interface.link import requests, transport
 from hw_interface.messages.motions import TrajectoryRequest
 from hw_interface.messages.robot import Accepted, CellInfo, InfoRequest, Refusal
 from hw_interface.messages.wire import PROTOCOL_VERSION, decode, encode, seal
@@ -64,7 +63,7 @@ def test_a_motion_over_a_link_with_100_ms_of_round_trip_is_played_once_and_to_it
 
 
 def test_lost_packets_delay_a_motion_but_change_nothing_about_it(robot: SimProcess):
-    # A tenth of all chunks come 0.15 s late with all behind them; the lease is longer than one of them.
+    # A tenth of all chunks come 0.15 s late with all behind them; an operator may be silent for longer than one takes.
     with link(robot, stalls=0.1, stall=0.15) as lossy, CellClient.connect(lossy.endpoint) as client:
         for radians in (0.05, -0.05, 0.03):
             motion = from_here(client, 0.5, radians)
@@ -79,27 +78,29 @@ def test_a_parted_link_brings_the_arm_to_rest_and_a_healed_one_needs_a_person(ro
         CellClient.connect(parted.endpoint) as client,
     ):
         motion = from_here(client, 4.0, 0.3)
-        told: list[float] = []
+        pulled: list[int] = []
 
         def pull_the_cable(progress: MotionProgress) -> None:
-            if progress.played > 500 and not told:
+            if progress.played > 500 and not pulled:
                 parted.part()
-                told.append(time.monotonic())
+                pulled.append(witness.state().progress)
 
-        with pytest.raises(RobotGoneError):
+        with pytest.raises(
+            RobotGoneError, match=r"has not reported for .* s: it is frozen or hangs, or the link to it"
+        ):
             client.execute(motion, certificate(motion), pull_the_cable)
-        # The lease of 0.6 s, with room for a busy machine.
-        assert time.monotonic() - told[0] < 3.0
-        assert until(lambda: witness.state().mode == "reflex", 3.0), "without its operator the robot rests"
+        assert until(lambda: witness.state().mode == "reflex"), "without its operator the robot rests"
         error = witness.state().last_error
         assert error is not None and error.code == "operator_gone"
+        # Half a second without a beat, then the way to rest; the rest is room for a busy machine.
+        assert witness.state().progress - pulled[0] < 1200
         rest = np.array(witness.state().q_d)
         assert np.abs(motion.q - rest).max(axis=1).min() < 1e-3, "on its path"
         parted.heal()
-        assert until(lambda: client._alive, 5.0), "the link comes back by itself"
         with pytest.raises(RefusedError, match="acknowledge"):
             client.execute(motion, certificate(motion))
         assert np.array_equal(witness.state().q_d, rest), "and nothing goes on by itself"
+        assert parted.connections == 1, "silence of a few seconds tears no link"
         witness.acknowledge()
         again = from_here(client, 0.5, 0.02)
         assert client.execute(again, certificate(again)).completed
@@ -122,7 +123,6 @@ def test_a_robot_that_loses_its_router_brings_the_arm_to_rest():
             with pytest.raises(RobotGoneError):
                 client.execute(motion, certificate(motion), pull_the_cable)
             faulty.heal()
-            assert until(lambda: client._alive, 5.0), "it joins the router again by itself"
             state = client.state()
             assert state.mode == "reflex" and state.last_error is not None and state.progress < state.samples
             assert state.last_error.code == "operator_gone"
@@ -182,7 +182,7 @@ def test_another_protocol_version_is_told_on_both_sides(robot: SimProcess):
         refused = seal("refusal", body, PROTOCOL_VERSION + 1)
         queryable = session.declare_queryable("cell/newer", lambda query: query.reply_err(refused))
         with pytest.raises(MessageError, match=rf"version {PROTOCOL_VERSION + 1} is not understood"):
-            transport.ask(session, "cell/newer", InfoRequest(), CellInfo, 5.0)
+            requests.ask(session, "cell/newer", InfoRequest(), CellInfo, 5.0)
         queryable.undeclare()
     finally:
         session.close()

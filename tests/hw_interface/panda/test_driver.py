@@ -24,6 +24,7 @@ from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.trajectory.samples import GripperCommand, Trajectory
 from hw_interface.cell.audit_log import read_audit_log
 from hw_interface.cell.client import CellClient, ExecutionReport
+from tests.support.load.freezing import freeze, wake
 from tests.support.robot_side.hw_support import joined
 
 pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
@@ -226,7 +227,7 @@ def test_a_frozen_player_is_ended_by_the_watchdog_and_started_again_when_acknowl
     running = Running(client, motion)
     wait_for_progress(client, 500)
     player = side.child("panda_player")
-    os.kill(player, signal.SIGSTOP)
+    freeze(player)
     report = running.join().report
     assert report is not None and report.reason == "driver_hung", running.error
     assert not Path(f"/proc/{player}").exists()
@@ -234,6 +235,20 @@ def test_a_frozen_player_is_ended_by_the_watchdog_and_started_again_when_acknowl
     acknowledge(client)
     again = there_and_back(client)
     assert client.execute(again, certified(again, GATE)).completed
+
+
+def test_while_nothing_moves_a_process_that_stands_still_breaks_nothing(side, client):
+    supervisor, player, hand = side.supervisor.pid, side.child("panda_player"), side.child("panda_hand")
+    for stalled, seconds in (((player, hand), 3.5), ((supervisor, player, hand), 1.5), ((supervisor,), 1.5)):
+        for pid in stalled:
+            freeze(pid)
+        time.sleep(seconds)
+        for pid in stalled:
+            wake(pid)
+        assert client.state().mode == "idle" and client.state().last_error is None
+    assert side.child("panda_player") == player and side.child("panda_hand") == hand, "nobody was ended"
+    motion = there_and_back(client, grip=True)
+    assert client.execute(motion, certified(motion, GATE)).completed
 
 
 def test_the_audit_log_tells_every_request_and_what_became_of_it(side, client):

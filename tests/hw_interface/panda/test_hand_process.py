@@ -10,6 +10,7 @@ import pytest
 from control.errors import MachineError
 from control.trajectory.samples import GripperCommand
 from hw_interface.panda.hand_process import HandProcess
+from tests.support.load.freezing import freeze, wake
 
 HAND = """
 import os, sys, time
@@ -88,12 +89,14 @@ def test_a_fault_of_the_gripper_reaches_the_supervisor_in_words():
     process.close()
 
 
-def test_a_process_that_ends_or_freezes_is_a_fault():
+def test_a_process_that_ends_is_a_fault_and_one_that_freezes_is_silent():
     process = hand()
     os.kill(process.pid, signal.SIGKILL)
     assert until(lambda: process.read().fault == "the gripper's process has ended")
     process.restart()
     assert until(lambda: not process.read().connecting)
-    os.kill(process.pid, signal.SIGSTOP)
-    assert until(lambda: "has not answered for" in (process.read().fault or ""))
+    freeze(process.pid)
+    assert until(lambda: process.read().silent > 0.5) and process.read().fault is None
+    wake(process.pid)
+    assert until(lambda: process.read().silent < 0.1), "a stall leaves nothing behind"
     process.close()

@@ -1,6 +1,6 @@
-"""A client process for tests: `python -m ...hw_link_peer ENDPOINT BUSY` offers what a camera process offers.
+"""A client process for tests: `python -m ...hw_link_peer ENDPOINT BUSY LEASE`; offers what a camera process does.
 
-BUSY is for how many whole seconds it keeps Python's lock, once, after it has begun.
+BUSY is for how many whole seconds it keeps Python's lock, once, after it has begun; LEASE is of its link, in [ms].
 """
 
 import ctypes
@@ -17,8 +17,9 @@ def hold_the_lock(seconds: int) -> None:
     ctypes.PyDLL(None).sleep(seconds)
 
 
-def main(endpoint: str, busy: int) -> None:
+def main(endpoint: str, busy: int, lease_ms: int) -> None:
     """Offer a frame key, a topic and a liveliness token until killed."""
+    transport.LEASE_MS = lease_ms
     session = transport.open_client_session(endpoint)
     held = [
         session.declare_queryable(f"{transport.FRAME_KEY}/{NAME}", lambda q: q.reply(q.key_expr, b"a picture")),
@@ -36,4 +37,4 @@ def main(endpoint: str, busy: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
