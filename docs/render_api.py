@@ -23,7 +23,7 @@ FUNCTIONS = (
     "connect",
     "load_cell",
 )
-OPTIONS = ("RunOptions", "RecordingChoice", "Perceiving", "ValidateOptions")
+OPTIONS = ("RunOptions", "PerceiveOptions", "ReadingOptions", "ValidateOptions")
 OTHERS = (
     "RunReport",
     "PerceiveReport",
@@ -51,11 +51,11 @@ EXAMPLES = (
     (
         "Perceive what that run saw",
         """
-        from replan.api import Perceiving, RecordingChoice, perceive_recording
+        from replan.api import PerceiveOptions, perceive_recording
 
         look = min(report.folder.glob("look_*.npz"))
-        wanted = Perceiving(names=("red_cube", "crate"), out=report.folder / "perceived", page=False)
-        found = perceive_recording(RecordingChoice(look), wanted)
+        wanted = PerceiveOptions(names=("red_cube", "crate"), out=report.folder / "perceived", page=False)
+        found = perceive_recording(look, wanted)
         for track in found.tracks:
             print(track.name, track.estimate.position)
         """,
@@ -66,7 +66,7 @@ EXAMPLES = (
         from replan.api import ReplanError, ValidateOptions, validate_motion
 
         motion = min(report.folder.glob("trajectory_*.npz"))
-        options = ValidateOptions(motion, cell="cubes", scene=report.folder, frame=0, perturbed=6)
+        options = ValidateOptions(motion, cell="cubes", scene=report.folder, look=0, perturbed=6)
         try:
             judged = validate_motion(options)
         except ReplanError as error:

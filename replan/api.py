@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from hw_interface.cell.client import CellClient
     from perception.options import PerceptionOptions
     from planning.reasoners.options import ReasonerOptions
-    from replan.perceive.options import Perceiving, RecordingChoice
-    from replan.perceive.recording import PerceiveReport
+    from replan.perceive.options import PerceiveOptions, ReadingOptions
+    from replan.perceive.report import PerceiveReport
     from replan.run.options import RunOptions
     from replan.run.report import RunReport
     from replan.validate.motion import Validation
@@ -59,13 +59,13 @@ __all__ = [
     "MachineError",
     "MissingPartError",
     "MotionFileError",
+    "PerceiveOptions",
     "PerceiveReport",
-    "Perceiving",
     "PerceptionError",
     "PerceptionOptions",
+    "ReadingOptions",
     "ReasonerError",
     "ReasonerOptions",
-    "RecordingChoice",
     "RefusedError",
     "ReplanError",
     "RobotGoneError",
@@ -92,11 +92,11 @@ _MODULES = {
     "CellClient": "hw_interface.cell.client",
     "CellConfig": "sim_check.cells.loading",
     "Certificate": "control.safety.certificate",
-    "PerceiveReport": "replan.perceive.recording",
-    "Perceiving": "replan.perceive.options",
+    "PerceiveOptions": "replan.perceive.options",
+    "PerceiveReport": "replan.perceive.report",
     "PerceptionOptions": "perception.options",
+    "ReadingOptions": "replan.perceive.options",
     "ReasonerOptions": "planning.reasoners.options",
-    "RecordingChoice": "replan.perceive.options",
     "RunOptions": "replan.run.options",
     "RunReport": "replan.run.report",
     "Trajectory": "control.trajectory.samples",
@@ -223,15 +223,18 @@ def write_motion(path: Path, trajectory: Trajectory) -> None:
         write_trajectory(path, trajectory)
 
 
-def perceive_recording(recording: RecordingChoice, options: Perceiving, progress: Progress = silent) -> PerceiveReport:
+def perceive_recording(
+    recording: Path, options: PerceiveOptions, reading: ReadingOptions | None = None, progress: Progress = silent
+) -> PerceiveReport:
     """Find objects and their poses in recorded RGB-D frames, without a robot.
 
     Writes objects.json, a picture a frame and a page into `options.out`. A frame that cannot be used is skipped and
     named.
 
     Args:
-        recording: The recording and which of its frames to read.
-        options: What to look for, with which detector, what to write; its own `say` is not called.
+        recording: Folder of PNG pairs, BOP scene, MCAP or .npz file (docs/perceive.md).
+        options: What to look for, with which detector, what to write.
+        reading: Which of its frames; None for all.
         progress: Called with each line of progress, every few seconds at most.
 
     Returns:
@@ -242,12 +245,10 @@ def perceive_recording(recording: RecordingChoice, options: Perceiving, progress
         ConfigError: The output folder cannot be written, or an option is not valid.
         MissingPartError: A package is not there.
     """
-    from dataclasses import replace
-
     with _usable():
         from replan.perceive.recording import perceive_recording as perceive
 
-        return perceive(recording, replace(options, say=_told(progress), quiet=True))
+        return perceive(recording, options, reading, _told(progress), quiet=True)
 
 
 def connect(endpoint: str, link: Path | None = None, timeout: float = 5.0) -> CellClient:

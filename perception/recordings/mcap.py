@@ -17,7 +17,8 @@ from perception.geometry.gravity_alignment import camera_above_plane
 from perception.ground_truth import FrameTruth
 from perception.recordings.base import Recording, Skipped, TruthOfFrame
 from perception.recordings.intrinsics_file import IntrinsicsFile, read_intrinsics
-from perception.recordings.mcap_cameras import CameraTopics, McapChoice, PictureTopic, find_cameras
+from perception.recordings.mcap_cameras import CameraTopics, PictureTopic, find_cameras
+from perception.recordings.mcap_choice import McapChoice
 from perception.recordings.mcap_stream import McapStream, RosMessage
 from perception.recordings.recorded_truth import LABELS_ENDING, TRUTH_TOPIC, RecordedTruth
 from perception.ros2.camera_info import Lens, is_rectified, lens_of

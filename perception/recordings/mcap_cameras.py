@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from perception.errors import FrameError
+from perception.recordings.mcap_choice import McapChoice
 from perception.ros2.images import is_depth, is_in_metres, picture_size
 from perception.ros2.messages import CAMERA_INFO, IMAGE
 
@@ -18,25 +19,6 @@ COMPRESSED_ENDINGS = ("/compressed", "/compressedDepth")
 # Words of topics that hold the wanted picture, the best first; then words of those that are something else.
 COLOUR_WORDS, OTHER_COLOUR = ("rgb", "color", "colour", "left"), ("infra", "/ir/", "right", "gray")
 DEPTH_WORDS, OTHER_DEPTH = ("aligned_depth", "depth_registered", "depth"), ("confidence", "disparity")
-
-
-@dataclass(frozen=True)
-class McapChoice:
-    """What to read out of an MCAP file; the defaults find it.
-
-    Attributes:
-        colour, depth, info: Topics of one camera: its colour picture, its registered depth, its CameraInfo.
-        cameras: Names of the cameras to read, as the notes of a recording name them; empty for all.
-        world: Frame of the transforms that becomes the world.
-        tolerance: Largest difference of the stamps of colour and depth in [s].
-    """
-
-    colour: str | None = None
-    depth: str | None = None
-    info: str | None = None
-    cameras: tuple[str, ...] = ()
-    world: str | None = None
-    tolerance: float = 0.02
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from perception.errors import FrameError
 from perception.recordings.base import Recording, Skipped, TruthOfFrame
 from perception.recordings.bop import CAMERA_FILE, BopScene, scenes_below
 from perception.recordings.mcap import McapRecording
-from perception.recordings.mcap_cameras import McapChoice
+from perception.recordings.mcap_choice import McapChoice
 from perception.recordings.npz import NpzRecording, save_npz
 from perception.recordings.png import PngFolder
 

@@ -1,14 +1,16 @@
 """The frames of a recording that are looked at, one at a time, and their keys."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from perception.errors import FrameError
 from perception.frames import RgbdFrame
 from perception.ground_truth import FrameTruth
 from perception.recordings.frame_keys import frame_keys
-from perception.recordings.opening import McapChoice, Recording, Skipped, open_recording
-from replan.perceive.options import RecordingChoice
+from perception.recordings.mcap_choice import McapChoice
+from perception.recordings.opening import Recording, Skipped, open_recording
+from replan.perceive.options import ReadingOptions
 
 
 @dataclass(frozen=True)
@@ -29,26 +31,33 @@ class FrameStream:
         total: How many frames will be looked at at most; None where only reading would tell.
     """
 
-    def __init__(self, choice: RecordingChoice) -> None:
+    def __init__(self, path: Path, options: ReadingOptions) -> None:
         """Open it.
+
+        Args:
+            path: Folder of PNG pairs, BOP scene, MCAP or .npz file, see `perception.recordings.opening`.
+            options: Which of its frames, and how.
 
         Raises:
             FrameError: The recording cannot be used.
         """
-        self._choice = choice
-        mcap = choice.mcap if choice.mcap != McapChoice() else None
+        self._options = options
+        mcap = options.mcap
+        if options.camera is not None and path.suffix.lower() == ".mcap":
+            # An MCAP file knows its cameras before it is read: only those asked for are decoded.
+            mcap = replace(mcap, cameras=(options.camera,))
         self.recording: Recording = open_recording(
-            choice.path,
-            choice.intrinsics,
-            choice.depth_scale,
-            mcap=mcap,
-            models=choice.models,
-            object_names=choice.object_names,
+            path,
+            options.intrinsics,
+            options.depth_scale,
+            mcap=mcap if mcap != McapChoice() else None,
+            models=options.models,
+            object_names=options.object_names,
         )
-        self.keys = frame_keys(choice.path, self.recording)
+        self.keys = frame_keys(path, self.recording)
         count = self.recording.count
-        every = None if count is None else -(-count // choice.every)
-        known = [n for n in (every, choice.frames) if n is not None]
+        every = None if count is None else -(-count // options.every)
+        known = [n for n in (every, options.frames) if n is not None]
         self.total = min(known) if known else None
         self._named = 0
 
@@ -58,7 +67,7 @@ class FrameStream:
         Raises:
             FrameError: No frame can be read, or none is of the camera that was asked for.
         """
-        choice, read, given = self._choice, 0, 0
+        options, read, given = self._options, 0, 0
         cameras: dict[str, int] = {}  # frames of each so far: cameras may take turns
         self._named = 0
         for pair in self.recording.with_truth():
@@ -67,15 +76,15 @@ class FrameStream:
             camera = pair.frame.camera
             before = cameras.get(camera, 0)
             cameras[camera] = before + 1
-            if camera != (choice.camera or camera) or before % choice.every:
+            if camera != (options.camera or camera) or before % options.every:
                 continue
             given += 1
             yield KeyedFrame(self.keys[position] if self.keys else str(position), pair.frame, pair.truth)
-            if given == choice.frames:
+            if given == options.frames:
                 return
         if not given:
             raise FrameError(
-                f"'{self.recording.name}' has no frame of camera '{choice.camera}'; "
+                f"'{self.recording.name}' has no frame of camera '{options.camera}'; "
                 f"its cameras are {', '.join(cameras)}"
             )
 

@@ -1,39 +1,39 @@
-"""What to perceive in which frames of a recording, and what to write of it."""
+"""Which frames of a recording are read, what is looked for in them, and what is written."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from control.errors import ConfigError
-from perception.options import PerceptionOptions
-from perception.recordings.opening import McapChoice
+from perception.options import PerceptionModels, PerceptionOptions
+from perception.recordings.mcap_choice import McapChoice
 
 
-@dataclass(frozen=True)
-class RecordingChoice:
-    """A recording and which of its frames to read.
-
-    Attributes:
-        path: Folder of PNG pairs, BOP scene, MCAP or .npz file, see `perception.recordings.opening`.
-        intrinsics, depth_scale, models, object_names: As in `perception.recordings.opening.open_recording`.
-        mcap: What to read out of an MCAP file.
-        camera: Name of the only camera to look through; None for all.
-        every: Look at every so many frames only.
-        frames: Look at so many at most; None for all.
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions:
+    """Which frames of a recording are read, and how.
 
     Raises:
         ConfigError: On construction, for a number below 1.
     """
 
-    path: Path
-    intrinsics: Path | None = None
-    depth_scale: float | None = None
-    models: Path | None = None
-    object_names: Path | None = None
-    mcap: McapChoice = field(default_factory=McapChoice)
-    camera: str | None = None
     every: int = 1
+    """Look at every so many frames of each camera only."""
     frames: int | None = None
+    """Look at so many frames at most."""
+    camera: str | None = None
+    """Look through this camera only; default: all that were recorded."""
+    intrinsics: Path | None = None
+    """Intrinsics file (YAML or JSON: width, height, fx, fy, cx, cy, depth_scale), where the recording carries none."""
+    depth_scale: float | None = None
+    """Metres per unit of whole-numbered depth, whatever the recording says, for instance 0.001."""
+    mcap: McapChoice = field(default_factory=McapChoice)
+    """What to read out of an MCAP file."""
+    models: Path | None = None
+    """BOP: models_info.json of the data set, where it is not beside its scenes."""
+    object_names: Path | None = None
+    """BOP: YAML or JSON file with a name for each object id."""
 
     def __post_init__(self) -> None:
         for name, value in (("every", self.every), ("frames", self.frames)):
@@ -41,40 +41,34 @@ class RecordingChoice:
                 raise ConfigError(f"--{name} {value} is not valid; it must be at least 1")
 
 
-@dataclass(frozen=True)
-class Perceiving:
+@dataclass(frozen=True, kw_only=True)
+class PerceiveOptions(PerceptionModels):
     """What is looked for, how, and what is written.
-
-    Attributes:
-        names: What to look for; empty for all names that boxes or masks are given for.
-        out: Folder for what is written.
-        detector, segmenter, options: As in `perception.pipeline.perception_from_options`.
-        instances: How many things one name may be.
-        cell: Built-in cell or cell file whose furniture may be looked for by its known shape; None for none.
-        boxes: File of boxes in the place of a detector, see `perception.detection.given`.
-        masks: Folder of masks in the place of a detector and a segmenter.
-        clouds: Whether to write a point cloud of each frame; None for recordings of few frames only.
-        page: Whether to write report.html.
-        say: Progress.
-        quiet: Whether to draw no bar on a terminal; `say` gets lines then.
 
     Raises:
         ConfigError: On construction, for options that exclude each other.
     """
 
-    names: tuple[str, ...]
-    out: Path
-    detector: str = "default"
-    segmenter: str = "default"
-    options: PerceptionOptions = field(default_factory=PerceptionOptions)
+    names: tuple[str, ...] = ()
+    """Objects to look for, for instance red_cube crate "coffee can"; default: all that --boxes or --masks name."""
+    out: Path = Path("perceived")
+    """Folder for everything that is written."""
     instances: int = 1
+    """How many things one name may be; further ones are called red_cube_2, red_cube_3, ..."""
     cell: str | None = None
+    """Built-in cell or a cell file whose furniture is looked for by its known shape, doors and all."""
     boxes: Path | None = None
+    """Boxes drawn by hand instead of a detector: YAML or JSON, {boxes: {red_cube: [x0, y0, x1, y1]}} in pixels for
+    every frame, {frames: {"000002": {red_cube: [...]}}} for one."""
     masks: Path | None = None
+    """Masks drawn by hand instead of detector and segmenter: a folder with <name>.png for every frame or
+    <frame>_<name>.png for one."""
     clouds: bool | None = None
+    """Write a coloured point cloud a frame; default: for recordings of up to 20 frames."""
     page: bool = True
-    say: Callable[[str], None] = print
-    quiet: bool = False
+    """Write the page report.html."""
+    perception: PerceptionOptions = field(default_factory=PerceptionOptions)
+    """How things are found in pictures."""
 
     def __post_init__(self) -> None:
         if self.boxes is not None and self.masks is not None:

@@ -17,7 +17,7 @@ from replan.perceive.plots import timeline_svg
 from replan.reports.pages import jpeg_text, made_by, write_page
 
 if TYPE_CHECKING:
-    from replan.perceive.recording import PerceiveReport
+    from replan.perceive.report import PerceiveReport
 
 SHOWN = 48  # most frames on the page
 WIDTH = 620  # [px] of a picture on the page, at most

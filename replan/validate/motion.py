@@ -20,10 +20,10 @@ from perception.estimates import SceneEstimate
 from planning.language.answers import MalformedAnswerError
 from planning.language.reward_program import EXECUTE, build_spec, parse_reward_program
 from replan.errors import DONE, UNSAFE
-from replan.validate.options import ValidateOptions
+from replan.validate.options import ValidateOptions, reward_text, start_from
 from replan.validate.samples import judged_samples
 from replan.validate.scene_source import scene_for
-from sim_check.cells.loading import CellConfig, load_cell
+from sim_check.cells.loading import CellConfig
 from sim_check.twin.payloads import held_payloads, loaded_torque
 from sim_check.twin.twin import build_twin
 from sim_check.verdict.start_collision import start_collision
@@ -68,7 +68,8 @@ class Validation:
 
     def torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Torques in [Nm] as they were judged, for the samples with three rows of rest on either side."""
-        robot = self.robot if self.options.payload is None else self.robot.with_payload(self.options.payload)
+        payload = self.options.payload
+        robot = self.robot if payload is None else self.robot.with_payload(payload)
         return loaded_torque(robot, self.trajectory, held_payloads(self.twin))(q, qd, qdd)
 
     @property
@@ -77,7 +78,7 @@ class Validation:
         return DONE if self.verdict.passed else UNSAFE
 
 
-def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Validation:
+def validate_motion(options: ValidateOptions, say: Callable[[str], None] = lambda text: None) -> Validation:
     """Judge the motion in a file.
 
     Raises:
@@ -90,11 +91,12 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
             f"{options.perturbed} perturbed twins on {options.threads} threads is not valid; "
             "give --perturbed 0 or more and --threads 1 or more"
         )
-    cell = load_cell(options.cell, dict.fromkeys(options.cell_options, True))
+    reward, payload, stands = reward_text(options.reward), options.payload, start_from(options.start)
+    cell = options.load()
     limits, safety = cell.robot.limits(), cell.safety_limits()
     motion = read_motion(options.file, topic=options.topic, index=options.index)
     say(f"read {len(motion.q)} rows, {motion.duration:.2f} s: {motion.source}")
-    scene = scene_for(cell, options.scene, options.frame)
+    scene = scene_for(cell, options.scene, options.look)
     opening = cell.robot.gripper_model.opening
     width = options.gripper_width
     if width is None:
@@ -103,7 +105,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         raise ConfigError(f"the gripper cannot be {width:g} m open at the start; it opens from 0 to {opening:g} m")
     _check_names(options, scene)
     robot = RobotModel.panda(gripper=cell.robot.gripper_model)
-    start = motion.q[0] if options.start is None else options.start
+    start = motion.q[0] if stands is None else stands
     _refuse_collision(motion, cell, scene, start, width, options)
     try:
         twin = build_twin(cell, scene, start, width, options.held)
@@ -113,7 +115,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         raise ConfigError(f"no twin of {_scene_name(options)}: {error}") from error
     say(f"twin: {', '.join(scene.names)} ({scene.source})")
     trajectory, retiming, made = judged_samples(motion, options, robot, limits, safety, twin)
-    spec = None if options.reward is None else _spec(options.reward, scene, twin)
+    spec = None if reward is None else _spec(reward, scene, twin)
     judgement = judge_in_detail(
         trajectory,
         twin,
@@ -125,8 +127,7 @@ def validate_motion(options: ValidateOptions, say: Callable[[str], None]) -> Val
         perturbed=options.perturbed,
         nthread=options.threads,
         robot=robot,
-        success_share=options.success_share,
-        payload=options.payload,
+        payload=payload,
         on_progress=lambda done, all: say(f"judged in {done} of {all} twins") if done in (1, all) else None,
     )
     return Validation(

@@ -1,64 +1,87 @@
 """What a validation can be asked for, and how what a person typed becomes it."""
 
-from dataclasses import dataclass
-from pathlib import Path
+from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass, field
+from math import isfinite, pi
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from control.errors import ConfigError
-from control.robot.dynamics import Payload
-from sim_check.verdict.verdict import SUCCESS_SHARE
+from replan.options import CellOptions
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from control.robot.dynamics import Payload
 
 HEAVIEST = 50.0  # [kg]; far beyond what any arm here carries: a larger number is a mistake
+Joints = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetimeOptions:
+    """Whether a motion gets a new time law first."""
+
+    retime: bool = False
+    """Put a new time law on the path first, and judge that."""
+    fraction: float | None = None
+    """With --retime: share of the published speeds and accelerations to use; default: what the cell allows."""
+    tolerance_mrad: float = 4.0
+    """With --retime: how far a joint may leave the path, in [mrad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandlingOptions:
+    """What the motion does to things, and what it carries."""
+
+    handles: tuple[str, ...] = ()
+    """Objects that the hand grasps, in that order. Nothing else may be touched or moved, unless --touches names it."""
+    touches: tuple[str, ...] = ()
+    """Other objects or joints that may be touched and moved: what something is put down on, a door."""
+    held: str | None = None
+    """Object that is in the hand from the start."""
+    gripper_width: float | None = None
+    """Distance between the pads at the start in [m]; default: the file's, or open."""
+    reward: str | None = None
+    """What it should achieve, as reward calls, or a file with them; default: only safety is judged."""
+    payload_kg: float = 0.0
+    """Mass in the hand that the scene does not show, in [kg], for the torques."""
+    payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Its centre of mass from the tool centre point, in the hand's axes, in [m]."""
+
+    @property
+    def payload(self) -> Payload | None:
+        """The payload, or None without mass.
+
+        Raises:
+            ConfigError: A number that is no mass or no place.
+        """
+        return payload_from(self.payload_kg, self.payload_com)
 
 
 @dataclass(frozen=True)
-class ValidateOptions:
-    """What to validate, and how.
-
-    Attributes:
-        file: Motion file.
-        cell: Built-in cell or cell file.
-        cell_options: Switches of the cell to turn on.
-        scene, frame: Where things stand, see `replan.validate.scene_source.scene_for`.
-        topic, index: Which message of a recording.
-        retime: Whether to put a new time law on the path first.
-        fraction: Share of the published speed and acceleration limits for it; the cell's shares if None.
-        tolerance: Largest deviation of a joint from the path in [rad] when it is retimed.
-        handles: Objects that the hand grasps, in the order in which it does.
-        touches: Objects and joints beside them that may be touched and moved: what something is put down on, say.
-        held: Object in the hand from the start.
-        gripper_width: Distance between the pads at the start in [m]; from the file, or open, if None.
-        reward: Text of a reward program, or None.
-        payload: What the hand carries that the scene does not show, or None.
-        start: Joints where the robot stands in [rad], shape (7,); the first sample if None.
-        perturbed: Number of perturbed twins.
-        success_share: Least share of them that must succeed.
-        threads: For simulation.
-        seed: Of the perturbed twins.
-    """
+class ValidateOptions(HandlingOptions, RetimeOptions, CellOptions):
+    """What to validate, and how."""
 
     file: Path
-    cell: str
-    cell_options: tuple[str, ...] = ()
-    scene: Path | None = None
-    frame: int = -1
-    topic: str | None = None
-    index: int | None = None
-    retime: bool = False
-    fraction: float | None = None
-    tolerance: float = 0.004
-    handles: tuple[str, ...] = ()
-    touches: tuple[str, ...] = ()
-    held: str | None = None
-    gripper_width: float | None = None
-    reward: str | None = None
-    payload: Payload | None = None
-    start: np.ndarray | None = None
-    perturbed: int = 32
-    success_share: float = SUCCESS_SHARE
-    threads: int = 2
-    seed: int = 0
+    """Motion file: .npz, .csv or .mcap."""
+    scene: Path | None = field(default=None, kw_only=True)
+    """Where things stand instead: a scene file (YAML), objects.json of `replan perceive`, or the folder of a run."""
+    look: int = field(default=-1, kw_only=True)
+    """Which look of the scene's file or folder, counted from 0; -1 is the last."""
+    topic: str | None = field(default=None, kw_only=True)
+    """Topic of a recording that has several."""
+    index: int | None = field(default=None, kw_only=True)
+    """Which message of that topic, counted from 0."""
+    start: Joints | None = field(default=None, kw_only=True)
+    """Joints where the robot stands, in [rad]; default: the motion's first sample."""
+    perturbed: int = field(default=32, kw_only=True)
+    """Twins with other poses, masses and friction in which it is tried as well."""
+    threads: int = field(default=2, kw_only=True)
+    """Threads for simulation; the verdict does not depend on it."""
+    seed: int = field(default=0, kw_only=True)
+    """Seed of the perturbed twins."""
 
 
 def reward_text(given: str | None) -> str | None:
@@ -81,7 +104,9 @@ def payload_from(mass: float, com: tuple[float, float, float]) -> Payload | None
     Raises:
         ConfigError: A number that is no mass or no place.
     """
-    if not (np.isfinite(mass) and 0.0 <= mass <= HEAVIEST and np.all(np.isfinite(com))):
+    from control.robot.dynamics import Payload
+
+    if not (0.0 <= mass <= HEAVIEST and all(isfinite(c) for c in com)):
         raise ConfigError(f"--payload-kg {mass:g} at {com} is not valid; it is 0 to {HEAVIEST:g} kg at a place in [m]")
     return Payload(mass, com) if mass > 0 else None
 
@@ -94,6 +119,8 @@ def start_from(joints: tuple[float, ...] | None) -> np.ndarray | None:
     """
     if joints is None:
         return None
-    if not np.all(np.isfinite(joints)) or max(abs(j) for j in joints) > 2 * np.pi:
+    import numpy as np
+
+    if not all(isfinite(j) and abs(j) <= 2 * pi for j in joints):
         raise ConfigError(f"--start {joints} is not valid; it is seven joint positions in [rad]")
     return np.array(joints)

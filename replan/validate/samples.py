@@ -67,8 +67,9 @@ def judged_samples(
     path = to_path(motion, force)
     if not _says_what_it_handles(path.segments):
         path = path_with_handling(path, options.handles, options.held)
-    loaded = robot if options.payload is None else robot.with_payload(options.payload)
-    how = RetimingOptions(tolerance=options.tolerance)
+    payload = options.payload
+    loaded = robot if payload is None else robot.with_payload(payload)
+    how = RetimingOptions(tolerance=1e-3 * options.tolerance_mrad)
     try:
         trajectory, report = retime_with_report(path, loaded, limits, safety, how, held_payloads(twin))
     except RetimingError as error:

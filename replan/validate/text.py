@@ -10,6 +10,7 @@ from control.safety.certificate import CheckResult
 from control.safety.table import SafetyRow, safety_table
 from replan.run.episode import plain
 from replan.validate.motion import Validation
+from sim_check.verdict.verdict import SUCCESS_SHARE
 
 
 @dataclass(frozen=True)
@@ -133,10 +134,9 @@ def summary(validation: Validation) -> str:
     if failed:
         names = ", ".join(c.name for c in failed)
         return f"{len(failed)} of {len(v.checks)} checks are broken: {names}"
-    need = validation.options.success_share
     return (
         f"every check is kept in the twin as believed, but of the perturbed twins only {trials_text(validation)}; "
-        f"{need:.0%} are asked for"
+        f"{SUCCESS_SHARE:.0%} are asked for"
     )
 
 
@@ -204,7 +204,7 @@ def as_json(validation: Validation, files: dict[str, str], seconds: float) -> di
         "hints": hints(validation),
         "asked_trials": validation.options.perturbed,
         "interval": list(v.interval),
-        "success_share_needed": validation.options.success_share,
+        "success_share_needed": SUCCESS_SHARE,
         "steps": v.steps,
         "seconds": seconds,
         **files,

@@ -92,8 +92,8 @@ def test_options_that_are_not_valid_are_errors_of_that_tree(tmp_path: Path):
     with pytest.raises(api.MotionFileError, match=r"gone\.csv"):
         api.validate_motion(api.ValidateOptions(tmp_path / "gone.csv", cell="cubes"))
     with pytest.raises(api.PerceptionError, match="gone"):
-        looked_for = api.Perceiving(names=("red_cube",), out=tmp_path / "out")
-        api.perceive_recording(api.RecordingChoice(tmp_path / "gone.npz"), looked_for)
+        looked_for = api.PerceiveOptions(names=("red_cube",), out=tmp_path / "out")
+        api.perceive_recording(tmp_path / "gone.npz", looked_for)
     with pytest.raises(api.RobotGoneError, match=r"127\.0\.0\.1:9"):
         api.connect("tcp/127.0.0.1:9", timeout=0.5)
 
@@ -107,7 +107,7 @@ def test_a_part_that_is_not_installed_is_an_error_of_that_tree(tmp_path: Path):
         "for call in (\n"
         "    lambda: api.run_goal(api.RunOptions(goal='place the red cube on the crate')),\n"
         "    lambda: api.validate_motion(api.ValidateOptions(Path('a.csv'), cell='cubes')),\n"
-        "    lambda: api.perceive_recording(api.RecordingChoice(Path('a.npz')), api.Perceiving(('a',), Path('out'))),\n"
+        "    lambda: api.perceive_recording(Path('a.npz'), api.PerceiveOptions(names=('a',), out=Path('out'))),\n"
         "):\n"
         "    try:\n        call()\n    except api.ReplanError as error:\n        print(error)\n"
     )

@@ -18,9 +18,10 @@ from perception.recordings.opening import Recording, Skipped, TruthOfFrame, save
 from perception.scene_file import LookRecord, PerceptionResult, read_perception_result
 from replan.errors import DONE, NOT_REACHED
 from replan.perceive import frame_stream
-from replan.perceive.options import Perceiving, RecordingChoice
+from replan.perceive.options import PerceiveOptions, ReadingOptions
 from replan.perceive.page import PerceivePage
-from replan.perceive.recording import as_json, as_text, perceive_recording
+from replan.perceive.recording import perceive_recording
+from replan.perceive.report import as_json, as_text
 from replan.perceive.result_file import ResultFile
 from replan.progress import Progress
 from tests.support.scenes.perception_scenes import RED, YELLOW, cube, render
@@ -46,10 +47,10 @@ def shots() -> list[RgbdFrame]:
 
 def run(tmp_path: Path, frames: Sequence[RgbdFrame], names=("red_cube", "yellow_cube"), choice=None, **how):
     save_npz(tmp_path / "in.npz", frames)
-    options = RecordingChoice(path=tmp_path / "in.npz", **(choice or {}))
     said: list[str] = []
     how.setdefault("page", False)
-    report = perceive_recording(options, Perceiving(names=names, out=tmp_path / "out", say=said.append, **how))
+    options = PerceiveOptions(names=names, out=tmp_path / "out", **how)
+    report = perceive_recording(tmp_path / "in.npz", options, ReadingOptions(**(choice or {})), said.append)
     return report, read(tmp_path), said
 
 
@@ -194,12 +195,12 @@ def test_masks_by_hand_lead_to_poses(tmp_path, shots):
 )
 def test_options_that_make_no_sense_are_refused_by_name(how, reason, tmp_path):
     with pytest.raises(ConfigError, match=re.escape(reason)):
-        Perceiving(out=tmp_path, **how)
+        PerceiveOptions(out=tmp_path, **how)
 
 
 def test_reading_no_frames_makes_no_sense_either():
     with pytest.raises(ConfigError, match="--every 0 is not valid; it must be at least 1"):
-        RecordingChoice(Path("x"), every=0)
+        ReadingOptions(every=0)
 
 
 class Told(Recording):
@@ -224,8 +225,8 @@ def truth(red: tuple[float, float]) -> FrameTruth:
 def test_errors_are_measured_where_the_recording_knows_the_truth(tmp_path, shots, monkeypatch):
     told = Told([TruthOfFrame(shots[0], truth((0.45, -0.10))), TruthOfFrame(shots[4], truth((0.40, 0.05)))])
     monkeypatch.setattr(frame_stream, "open_recording", lambda *_, **__: told)
-    how = Perceiving(names=("red_cube", "yellow_cube", "green_cube"), out=tmp_path / "out", say=lambda _: None)
-    report = perceive_recording(RecordingChoice(tmp_path / "told.bag"), how)
+    how = PerceiveOptions(names=("red_cube", "yellow_cube", "green_cube"), out=tmp_path / "out")
+    report = perceive_recording(tmp_path / "told.bag", how)
     result = read(tmp_path)
     assert [f.key for f in result.frames] == ["1", "2"]
     assert result.metrics is not None

@@ -63,7 +63,7 @@ def folder(tmp_path_factory, pick: Trajectory) -> Path:
 
 
 def judged(file: Path, **options) -> Validation:
-    return validate_motion(ValidateOptions(file, "cubes", **{"perturbed": 2, **options}), lambda _: None)
+    return validate_motion(ValidateOptions(file, **{"perturbed": 2, **options}), lambda _: None)
 
 
 def broken(validation: Validation) -> set[str]:
@@ -139,7 +139,7 @@ def test_the_json_says_the_same_as_the_text(folder):
 
 def test_the_command_writes_a_page_that_needs_nothing_beside_it(folder, tmp_path, capsys):
     command = Validate(
-        folder / "theirs.csv", out=tmp_path / "out", perturbed=1, save=tmp_path / "samples.npz", json=True
+        file=folder / "theirs.csv", out=tmp_path / "out", perturbed=1, save=tmp_path / "samples.npz", json=True
     )
     assert command.execute(Console(json=True, quiet=True)) == 4
     data = json.loads(capsys.readouterr().out)
@@ -155,7 +155,7 @@ def test_a_motion_that_passed_gets_a_certificate_for_exactly_its_samples(folder,
     saved, paper = tmp_path / "samples.npz", tmp_path / "certificate.json"
     motion = folder / "ours.npz"
     arguments = {"out": tmp_path, "perturbed": 6, "report": False, "save": saved, "certificate": paper}
-    assert Validate(motion, **arguments).execute(Console(quiet=True)) == 0
+    assert Validate(file=motion, **arguments).execute(Console(quiet=True)) == 0
     assert f"certificate: {paper}" in capsys.readouterr().out
     trajectory, cell = to_trajectory(read_motion(saved)), load_cell("cubes")
     limits = panda_limits()
@@ -171,7 +171,7 @@ def test_a_motion_that_passed_gets_a_certificate_for_exactly_its_samples(folder,
 def test_a_motion_that_is_refused_gets_no_certificate(folder, tmp_path):
     paper = tmp_path / "certificate.json"
     command = Validate(
-        folder / "theirs.csv", perturbed=6, report=False, save=tmp_path / "samples.npz", certificate=paper
+        file=folder / "theirs.csv", perturbed=6, report=False, save=tmp_path / "samples.npz", certificate=paper
     )
     assert command.execute(Console(quiet=True)) == 4 and not paper.exists()
 
@@ -183,7 +183,7 @@ def test_a_motion_that_is_refused_gets_no_certificate(folder, tmp_path):
 def test_a_certificate_that_would_rest_on_nothing_is_refused_at_once(tmp_path, changes, reason):
     arguments = {"save": tmp_path / "s.npz", "certificate": tmp_path / "c.json", "perturbed": 6} | changes
     with pytest.raises(ConfigError, match=reason):
-        Validate(Path("never-read.csv"), **arguments).execute(Console(quiet=True))
+        Validate(file=Path("never-read.csv"), **arguments).execute(Console(quiet=True))
 
 
 def test_a_motion_that_starts_inside_something_is_refused_in_one_line(folder, tmp_path):
@@ -205,15 +205,15 @@ def test_a_robot_that_stands_elsewhere_is_told(folder):
 
 def test_a_path_that_cannot_be_timed_is_refused_with_its_reason(folder):
     with pytest.raises(RefusedError, match=r"ours\.npz: the path cannot be timed: .*torque") as caught:
-        judged(folder / "ours.npz", retime=True, payload=payload_from(30.0, (0.0, 0.0, 0.0)))
+        judged(folder / "ours.npz", retime=True, payload_kg=30.0)
     assert caught.value.code == "cannot_be_retimed"
 
 
 def test_a_payload_shows_in_the_torques(folder):
-    def torque(payload):
-        return next(c for c in judged(folder / "ours.npz", payload=payload).verdict.checks if c.name == "torque").worst
+    def torque(**payload):
+        return next(c for c in judged(folder / "ours.npz", **payload).verdict.checks if c.name == "torque").worst
 
-    assert torque(payload_from(2.0, (0.0, 0.0, 0.1))) > torque(None) + 5.0
+    assert torque(payload_kg=2.0, payload_com=(0.0, 0.0, 0.1)) > torque() + 5.0
 
 
 @pytest.mark.parametrize(
@@ -225,7 +225,7 @@ def test_a_payload_shows_in_the_torques(folder):
         ({"fraction": 0.5}, r"--fraction says how fast a motion is retimed; give --retime as well"),
         ({"fraction": 1.5, "retime": True}, r"--fraction 1\.5 is not valid; it is a share of the limits, 0 to 1"),
         ({"gripper_width": 0.2}, r"cannot be 0\.2 m open at the start; it opens from 0 to 0\.08 m"),
-        ({"reward": "import os"}, r"--reward: "),
+        ({"reward": "__import__('os')"}, r"--reward: "),
         ({"reward": 'minimize_l2_distance_reward("red_cube", "crate")'}, r"--reward: 0 terms say primary_reward=True"),
         ({"reward": ON_CRATE.replace("crate", "moon")}, r"--reward: .*moon"),
         ({"perturbed": -1}, r"give --perturbed 0 or more"),
