@@ -3,6 +3,7 @@
 import sys
 
 from replan.console import Console
+from replan_base import __version__
 from replan_base.errors import ForeignPackageError, ReplanError
 from replan_base.interruption import raise_on_signals
 from replan_base.packages import require_own_packages
@@ -14,6 +15,9 @@ def main() -> None:
 
     Ctrl-C, SIGTERM and SIGHUP bring an arm that was set in motion to rest, also where the shell ignores Ctrl-C.
     """
+    if sys.argv[1:] == ["--version"]:
+        print(f"replan {__version__}")
+        return
     raise_on_signals()
     console = Console(json="--json" in sys.argv)
     try:

@@ -3,4 +3,4 @@
 Needs only the standard library, and imports none of the other folders.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

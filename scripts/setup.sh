@@ -17,7 +17,7 @@ robot) venv=.venv-robot lock=requirements-robot.lock ;;
     ;;
 esac
 stamp=$venv/.replan-setup
-want=$(cat "$lock" pyproject.toml scripts/setup.sh | sha256sum | cut -d' ' -f1)
+want=$(cat "$lock" pyproject.toml replan_base/__init__.py scripts/setup.sh | sha256sum | cut -d' ' -f1)
 if [ -x "$venv/bin/replan" ] && [ "$(cat "$stamp" 2>/dev/null)" = "$want" ]; then exit 0; fi
 
 say() { printf 'setup: %s\n' "$*" >&2; }

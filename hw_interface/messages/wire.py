@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError
 
 from hw_interface.errors import MessageError
+from hw_interface.messages.protocol import other_protocol
 
 PROTOCOL_VERSION = 4  # raised whenever a message changes in a way that an older peer would misread
 MAX_MESSAGE_BYTES = 32 * 1024 * 1024  # three minutes of trajectory (168 bytes a millisecond), or a 1280x960 frame
@@ -207,11 +208,7 @@ def _open(data: bytes) -> tuple[object, object, memoryview]:
 
 def _check_protocol(version: object) -> None:
     if type(version) is not int or version != PROTOCOL_VERSION:
-        raise MessageError(
-            "protocol",
-            f"version {version!r} is not understood; this side speaks version {PROTOCOL_VERSION}: "
-            "install the same release on both sides",
-        )
+        raise MessageError("protocol", other_protocol(version, PROTOCOL_VERSION))
 
 
 def _checksum(type_name: str, *body: bytes | memoryview) -> int:

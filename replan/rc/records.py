@@ -5,13 +5,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from planning.reasoners.options import ReasonerOptions
+from replan_base import __version__
 
 FORMAT = 1  # of tasks, scoring and records; results of different ones are never mixed
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +56,7 @@ def setup_now(reasoner: ReasonerOptions, detector: str, segmenter: str, time_lim
         segmenter,
         time_limit_s,
         FORMAT,
-        version("replan"),
+        __version__,
         code_hash(),
     )
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from control.errors import ConfigError
+from replan_base import __version__
 
 JPEG_QUALITY = 85
 
@@ -52,7 +53,5 @@ def jpeg_text(picture: np.ndarray, quality: int = JPEG_QUALITY) -> str:
 
 def made_by(*parts: str) -> str:
     """The last line of a page: this program's version, further parts, and now."""
-    from importlib.metadata import version
-
     now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S %Z")
-    return ", ".join([f"replan {version('replan')}", *parts, now])
+    return ", ".join([f"replan {__version__}", *parts, now])
