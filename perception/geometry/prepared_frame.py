@@ -15,6 +15,8 @@ from perception.geometry.support import SupportPlane, estimate_support
 
 STEP = 0.03  # pixels beside a larger step of depth are mixed of front and back, in [m]
 FARTHEST = 2.5  # rays beyond this say too little, in [m]
+# A surface's direction is told by pixels so far to all sides, in [px]: at 0.7 m the noise leaves 12 degrees of a table.
+NORMAL_REACH = 8
 THINNING = 4  # every how many rows and columns tell where surfaces around a thing are
 
 
@@ -81,6 +83,31 @@ class PreparedFrame(RgbdFrame):
         every = np.s_[::THINNING, ::THINNING]
         known = self.valid_depth[every]
         return self.cloud[every][known if without is None else known & ~without[every]]
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Unit normals of the surfaces in the world, towards the camera, shape (height, width, 3).
+
+        A plane's inverse depth is linear in the pixel, 1/z = w + b (u - u0) + c (v - v0), with the normal
+
+            -(fx b, fy c, w - b (u0 - cx) - c (v0 - cy))
+
+        in the camera's frame. w, b and c are least squares over the window of `NORMAL_REACH` pixels to all sides of
+        (u0, v0). NaN where any depth of the window cannot be trusted.
+        """
+        k, r = self.intrinsics, NORMAL_REACH
+        inverse = 1.0 / np.where(self.trusted_depth, self.depth, 1.0).astype(float)
+        mean = np.full(2 * r + 1, 1.0 / (2 * r + 1))
+        ramp = np.arange(-r, r + 1) / np.sum(np.arange(-r, r + 1) ** 2)
+        w, b, c = (cv2.sepFilter2D(inverse, -1, along_u, along_v)
+                   for along_u, along_v in ((mean, mean), (ramp, mean), (mean, ramp)))  # fmt: skip
+        off_u, off_v = np.arange(k.width) - k.cx, (np.arange(k.height) - k.cy)[:, None]
+        normals = -np.stack([k.fx * b, k.fy * c, w - b * off_u - c * off_v], -1) @ self.world_T_camera[:3, :3].T
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        window = np.ones((2 * r + 1, 2 * r + 1), np.uint8)
+        whole = cv2.erode(self.trusted_depth.astype(np.uint8), window, borderType=cv2.BORDER_CONSTANT, borderValue=0.0)
+        normals[whole == 0] = np.nan
+        return read_only(normals)
 
     @cached_property
     def heights(self) -> np.ndarray:

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 from perception.catalogue.catalogue import Catalogue
 from perception.catalogue.colour_words import colour_of
-from perception.detection.shape_conflicts import contradicted
 from perception.estimates import ObjectEstimate
 from perception.geometry.prepared_frame import PreparedFrame
 from perception.interfaces import Detector, ShapeDetector
 from perception.known_shapes.forms import KnownForm
 from perception.stages.known_shapes_first import may_have
+from perception.stages.shape_conflicts import contradicted
 from perception.tracking.instances import group_by_thing, instance_name
 from perception.tracking.merging import merge
 

@@ -254,6 +254,8 @@ def test_a_frame_is_written_as_a_coloured_cloud_in_the_world(tmp_path):
     cloud = open3d.io.read_point_cloud(tmp_path / "frame.ply")
     points, colours = np.asarray(cloud.points), np.asarray(cloud.colors)
     assert len(points) == count == int(frame.valid_depth.sum())
+    length = np.linalg.norm(np.asarray(cloud.normals), axis=1)
+    assert np.all((np.abs(length - 1.0) < 1e-6) | (length == 0.0)) and np.mean(length > 0.0) > 0.8
     reddish = (colours[:, 0] > 0.4) & (colours[:, 1] < 0.25)
     assert np.abs(points[reddish][:, :2] - (0.5, 0.0)).max() < 0.06  # the cube is 60 mm wide and turned
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from perception.frames import RgbdFrame
+from perception.frames import CameraIntrinsics, RgbdFrame
 from perception.geometry.cloud import StereoNoise, back_project, height_map
 from perception.geometry.depth_cleaning import neighbour_range, speckles
-from perception.geometry.prepared_frame import PreparedFrame, prepared
+from perception.geometry.prepared_frame import NORMAL_REACH, PreparedFrame, prepared
 from perception.geometry.support import estimate_support
 from perception.pipeline import perception_from_options
 from sim_check.cells.loading import load_cell
@@ -96,10 +96,37 @@ def test_a_prepared_frame_is_the_frame_and_is_not_prepared_again():
 
 def test_what_was_worked_out_cannot_be_written_to():
     frame = PreparedFrame.of(render([cube(GREEN, 0.5, 0.0)]))
-    names = ("valid_depth", "known_depth", "trusted_depth", "cloud", "heights", "rises", "smooth_rises", "hsv")
+    names = (
+        "valid_depth",
+        "known_depth",
+        "trusted_depth",
+        "cloud",
+        "heights",
+        "rises",
+        "smooth_rises",
+        "hsv",
+        "normals",
+    )
     for array in (*(getattr(frame, name) for name in names), frame.rays(4).direction, frame.rays(4).distance):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
+
+
+def test_normals_point_out_of_the_table_towards_the_camera_and_end_at_a_step():
+    rows = np.arange(48)[:, None] - 23.5
+    lens = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+    # A camera at 1 m height that looks straight down, over the edge of a table of 0.3 m in its left half.
+    down = np.array([[0.0, -1.0, 0.0, 0.4], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
+    depth = np.where(np.arange(64) < 32, 0.7, 1.0) + 0.0 * rows
+    frame = PreparedFrame(np.zeros((48, 64, 3), np.uint8), depth, lens, down, 0.0)
+    known = np.asarray(np.isfinite(frame.normals).all(-1))
+    assert frame.normals[known] == pytest.approx(np.tile([0.0, 0.0, 1.0], (int(known.sum()), 1)), abs=1e-6)
+    r = NORMAL_REACH
+    assert known[r, r : 31 - r].all() and known[r, 33 + r : 64 - r].all()
+    assert not known[:, 31 - r : 33 + r].any() and not known[:r].any() and not known[:, -r:].any()
+    # A wall that falls away to the lower rows: half a metre of depth a metre downwards.
+    wall = PreparedFrame(frame.colour, 1.0 / (1.0 - 0.5 * rows / 60.0) + 0.0 * depth, lens, np.eye(4), 0.0)
+    assert wall.normals[24, 32] == pytest.approx(np.array([0.0, 0.5, -1.0]) / np.hypot(1.0, 0.5), abs=1e-6)
 
 
 def test_rays_end_where_the_cloud_says():
