@@ -122,7 +122,7 @@ def test_leaves_a_process():
     time.sleep(1.5)
 """)
     process = load(tmp_path / "test_one.py", "--seed", "5")
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate()
     assert process.returncode == 1, err
     told = json.loads(out)
     (run,) = told["runs"]
@@ -148,6 +148,6 @@ def test_endless():
     started = descendants([process.pid])
     assert len(started) >= 3  # pytest, its child, one that is busy
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate()
     assert process.returncode == 130, err
     assert not {one.pid for one in started} & set(process_table())

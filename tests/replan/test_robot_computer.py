@@ -41,9 +41,7 @@ print("checked", cell.name)
 def robot_computer(module: str, *arguments: str, absent: str = ABSENT) -> "subprocess.CompletedProcess[str]":
     """Run a module where the packages are absent."""
     command = [sys.executable, "-m", "tests.support.without_packages", absent, module, *arguments]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, timeout=60, env={**os.environ, "OMP_NUM_THREADS": "1"}
-    )
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"})
 
 
 def test_the_gate_checks_a_motion_there(tmp_path: Path):
@@ -58,7 +56,6 @@ def test_the_gate_checks_a_motion_there(tmp_path: Path):
         capture_output=True,
         text=True,
         cwd=ROOT,
-        timeout=60,
     )
     assert done.stdout == "checked cubes\n", done.stderr
 
@@ -114,7 +111,7 @@ except ReplanError as error:
     print(error)
 """
     (tmp_path / "a.mcap").touch()
-    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
     (line,) = said.stdout.splitlines() or [said.stderr]
     assert f"the package {absent}" in line and "is not installed; run: make setup" in line
 

@@ -59,7 +59,6 @@ def command(site: Path, *arguments: str, before: str = "") -> "subprocess.Comple
         text=True,
         cwd=site.parent,
         env={**os.environ, "PYTHONPATH": path},
-        timeout=60,
     )
 
 
@@ -77,7 +76,6 @@ def check(site: Path) -> str:
         text=True,
         cwd=site.parent,
         env=env,
-        timeout=60,
         check=True,
     )
     return done.stdout.strip()

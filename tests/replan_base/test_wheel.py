@@ -36,7 +36,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel, made by the project's own build system and unpacked as an installer does."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder / "dist")]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (wheel,) = (folder / "dist").glob("replan-*.whl")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder / "site")
@@ -45,7 +45,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
-def installed(site: Path, cwd: Path, *arguments: str, timeout: float = 150) -> "subprocess.CompletedProcess[str]":
+def installed(site: Path, cwd: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
     """Run Python where this program is known from the wheel alone."""
     path = os.pathsep.join((str(site), str(site.parent / "watch")))
     return subprocess.run(
@@ -54,7 +54,6 @@ def installed(site: Path, cwd: Path, *arguments: str, timeout: float = 150) -> "
         text=True,
         cwd=cwd,
         env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
-        timeout=timeout,
     )
 
 

@@ -5,12 +5,10 @@ import subprocess
 import sys
 
 
-def replan(*arguments, cwd, timeout=120, **environment):
+def replan(*arguments, cwd, **environment):
     """Run the command as a user would; returns the finished process."""
     command = [sys.executable, "-m", "replan.main", *arguments]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=timeout, env={**os.environ, **environment}
-    )
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env={**os.environ, **environment})
 
 
 def one_line_reason(process):

@@ -48,7 +48,7 @@ def server(running: LanguageServer):
 
 def reasoner(server, log=None, key=None, waits=None, **options) -> OpenAIReasoner:
     """With waits of a test's length."""
-    given = {"url": getattr(server, "url", server), "model": MODEL, "timeout": 5.0, **options}
+    given = {"url": getattr(server, "url", server), "model": MODEL, "timeout": 60.0, **options}
     sleep = (lambda seconds: None) if waits is None else waits.append
     return OpenAIReasoner(ServerOptions(**given), key, log or Journal(), sleep)
 

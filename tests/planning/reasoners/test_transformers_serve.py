@@ -8,7 +8,6 @@ import os
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from contextlib import ExitStack
 
@@ -22,6 +21,7 @@ from planning.reasoners.usage import UsageLog
 from tests.support.models.language_models import save_tiny_chat_model
 from tests.support.models.run_contexts import context_of
 from tests.support.models.symbolic_world import Journal, World
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("accelerate") is None, reason="transformers serve needs the package accelerate"
@@ -43,15 +43,12 @@ def served(tmp_path_factory):
             command, stdout=log, stderr=subprocess.STDOUT, env={**os.environ, "HF_HUB_OFFLINE": "1"}
         )
     try:
-        deadline = time.monotonic() + 150
-        while not _healthy(port):
-            assert process.poll() is None, (folder.parent / "log.txt").read_text()[-2000:]
-            assert time.monotonic() < deadline, "the server did not start"
-            time.sleep(0.2)
+        assert until(lambda: _healthy(port) or process.poll() is not None, 600.0), "the server did not start"
+        assert process.poll() is None, (folder.parent / "log.txt").read_text()[-2000:]
         yield f"http://127.0.0.1:{port}/v1", str(folder)
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait()
 
 
 def _healthy(port: int) -> bool:
@@ -64,7 +61,7 @@ def _healthy(port: int) -> bool:
 
 def options(served, **given) -> ReasonerOptions:
     url, model = served
-    return ReasonerOptions("openai", url=url, model=model, **{"max_tokens": 40, "timeout": 20.0, **given})
+    return ReasonerOptions("openai", url=url, model=model, **{"max_tokens": 40, "timeout": 300.0, **given})
 
 
 def test_a_run_with_nonsense_ends_with_the_last_fault_and_nothing_moved(served):

@@ -12,6 +12,8 @@ import uvicorn
 from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 
+from tests.support.waiting import until
+
 KEY = "sk-right-key"
 MODEL = "scripted"
 
@@ -150,10 +152,7 @@ def language_server() -> Iterator[LanguageServer]:
     server = uvicorn.Server(uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
     thread.start()
-    deadline = time.monotonic() + 10
-    while not server.started:
-        assert time.monotonic() < deadline, "the test's server did not start"
-        time.sleep(0.01)
+    assert until(lambda: server.started), "the test's server did not start"
     try:
         yield scripted
     finally:
