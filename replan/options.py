@@ -37,7 +37,7 @@ class ClientOptions:
     """Where a robot process is that runs already."""
 
     robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router: tls/HOST:PORT on another machine."""
+    """Endpoint of the robot process or router: tls/HOST:PORT with --link on another machine."""
     link: Path | None = None
     """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
 

@@ -2,55 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from replan.options import DEFAULT_ENDPOINT
+from replan.commands.flags import SetOnly, options_in
+from replan.robot.options import CameraOptions
 
 if TYPE_CHECKING:
     from replan.console import Console
-    from replan.robot.camera_process import CameraOptions
 
 
-@dataclass(frozen=True)
-class WhereFlags:
-    """Where a camera is offered."""
-
-    robot: str = DEFAULT_ENDPOINT
-    """Endpoint of the robot process or router, or tls/HOST:PORT with --link."""
-    link: Path | None = None
-    """Link file with this machine's certificates, for tls/ endpoints (docs/security.md)."""
-    name: str | None = None
-    """Name of the camera. Default: the cell file's only one, or the recording's."""
-    max_age: float = 0.5
-    """How old a picture may be when it is handed out, in [s]."""
-    parent_pid: Annotated[int | None, tyro.conf.arg(help="End when this process is gone.")] = None
-
-    def options(self, cell: str) -> CameraOptions:
-        """As the process wants them."""
-        from replan.robot.camera_process import CameraOptions
-
-        return CameraOptions(self.robot, self.link, cell, self.name, self.max_age, self.parent_pid)
-
-
-@dataclass(frozen=True)
-class CameraZed:
+@dataclass(frozen=True, kw_only=True)
+class CameraZed(CameraOptions):
     """A Stereolabs ZED: the left picture and its depth. Needs the ZED SDK, which brings its own Python package."""
 
-    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
-    """Where it is offered."""
-    cell: str = "cubes"
-    """Built-in cell or cell file (YAML) that says where the camera is."""
     serial: int | None = None
     """Serial number. Default: the first camera that there is."""
     resolution: Literal["VGA", "HD720", "HD1080", "HD1200", "HD2K"] = "HD720"
     """Picture size; which of them there are depends on the model."""
     fps: int = 30
     """Pictures a second."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -59,17 +34,13 @@ class CameraZed:
         from replan.robot.camera_process import serve_device
 
         open_source = lambda _: ZedSource(self.serial, self.resolution, self.fps)  # noqa: E731
-        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+        return _told(console, serve_device(options_in(self, CameraOptions), open_source, console.note))
 
 
-@dataclass(frozen=True)
-class CameraRealSense:
+@dataclass(frozen=True, kw_only=True)
+class CameraRealSense(CameraOptions):
     """An Intel RealSense of the D400 family or later: colour, and depth laid over it."""
 
-    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
-    """Where it is offered."""
-    cell: str = "cubes"
-    """Built-in cell or cell file (YAML) that says where the camera is."""
     serial: str | None = None
     """Serial number. Default: the only camera that there is."""
     width: int = 640
@@ -78,7 +49,7 @@ class CameraRealSense:
     """Picture height in [px]."""
     fps: int = 30
     """Pictures a second."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -87,19 +58,17 @@ class CameraRealSense:
         from replan.robot.camera_process import serve_device
 
         open_source = lambda _: RealSenseSource(self.serial, self.width, self.height, self.fps)  # noqa: E731
-        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+        return _told(console, serve_device(options_in(self, CameraOptions), open_source, console.note))
 
 
-@dataclass(frozen=True)
-class CameraUvc:
+@dataclass(frozen=True, kw_only=True)
+class CameraUvc(CameraOptions):
     """Any other camera, colour only: nothing can be located with it, as it measures no depth.
 
     For films, recordings and pictures shown to language models. `replan run` refuses to look with it alone.
     """
 
-    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
-    """Where it is offered."""
-    cell: str = "cubes"
+    cell: str = CameraOptions.cell
     """Built-in cell or cell file (YAML) that says where the camera is, and its lens."""
     device: str = "0"
     """Its number, or a path such as /dev/v4l/by-id/..."""
@@ -109,7 +78,7 @@ class CameraUvc:
     """Pictures a second."""
     latency: float = 0.05
     """From exposure to when a picture comes, in [s]; such cameras do not tell."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -121,11 +90,11 @@ class CameraUvc:
         lens = None if self.intrinsics is None else read_intrinsics(self.intrinsics).intrinsics
         device = int(self.device) if self.device.isdecimal() else self.device
         open_source = lambda camera: UvcSource(device, lens or camera.intrinsics, self.fps, self.latency)  # noqa: E731
-        return _told(console, serve_device(self.where.options(self.cell), open_source, console.note))
+        return _told(console, serve_device(options_in(self, CameraOptions), open_source, console.note))
 
 
-@dataclass(frozen=True)
-class CameraRecording:
+@dataclass(frozen=True, kw_only=True)
+class CameraRecording(CameraOptions):
     """A recording in the place of a camera, stamped as if its pictures were taken now. For trying things out.
 
     What it shows is not what stands before the robot: never use it with a real arm.
@@ -133,17 +102,16 @@ class CameraRecording:
 
     path: tyro.conf.Positional[Path]
     """Folder of PNG pairs, BOP scene, .mcap or .npz, as `replan perceive` reads them."""
-    where: tyro.conf.OmitArgPrefixes[WhereFlags] = field(default_factory=WhereFlags)
-    """Where it is offered."""
+    cell: tyro.conf.Suppress[str] = CameraOptions.cell
     camera: str | None = None
     """Which camera of the recording. Default: that of its first picture."""
     intrinsics: Path | None = None
     """Intrinsics file, where the recording carries none."""
-    loop: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    loop: SetOnly = False
     """Begin again at the end."""
-    every_frame: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    every_frame: SetOnly = False
     """Give each picture to one request, in order, instead of at the pace that they were recorded at."""
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: SetOnly = False
     """Print one JSON object on stdout."""
 
     def execute(self, console: Console) -> int:
@@ -154,8 +122,8 @@ class CameraRecording:
 
         recording = open_recording(self.path, self.intrinsics)
         source = RecordedSource(recording, self.camera, paced=not self.every_frame, loop=self.loop)
-        name = self.where.name or source.camera
-        done = serve_recording(self.where.options("cubes"), source, name, self.every_frame, console.note)
+        name = self.name or source.camera
+        done = serve_recording(options_in(self, CameraOptions), source, name, self.every_frame, console.note)
         return _told(console, done)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from control.errors import ConfigError
+from perception.options import PerceptionModels
 from planning.reasoners.options import ReasonerOptions
 from replan.rc.folder import RcFolder, write_whole
 from replan.rc.jobs import make_jobs, shard_of
@@ -17,7 +18,7 @@ from replan.rc.variants import Variant
 
 
 @dataclass(frozen=True)
-class RcOptions:
+class RcOptions(PerceptionModels):
     """What to run; the fields are explained by `replan bench rc --help`."""
 
     runs: int
@@ -26,8 +27,6 @@ class RcOptions:
     folder: Path
     shard: str = "1/1"
     reasoner: ReasonerOptions = field(default_factory=ReasonerOptions)
-    detector: str = "default"
-    segmenter: str = "default"
     time_limit_s: float = 900.0
 
 

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from control.errors import ConfigError, MachineError, RobotGoneError
+from replan.robot.options import CameraOptions
 
 if TYPE_CHECKING:
     import zenoh
@@ -16,18 +15,6 @@ if TYPE_CHECKING:
     from sim_check.cells.loading import CameraConfig, CellConfig
 
 INFO_TIMEOUT = 2.0  # [s]
-
-
-@dataclass(frozen=True)
-class CameraOptions:
-    """Where a camera is offered and under which name; the fields are explained by `replan camera zed --help`."""
-
-    robot: str
-    link: Path | None = None
-    cell: str = "cubes"
-    name: str | None = None
-    max_age: float = 0.5
-    parent_pid: int | None = None
 
 
 def serve_device(

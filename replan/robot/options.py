@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from replan.options import CellOptions, ChildOptions, ListenOptions
+from replan.options import CellOptions, ChildOptions, ClientOptions, ConnectionOptions, ListenOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,3 +58,60 @@ class ResearchInterfaceOptions(ChildOptions, CellOptions):
     """Link file of a camera, for an endpoint tls/HOST:PORT on another machine (docs/security.md)."""
     score: bool = False
     """Also answer there with true poses on the key `truth`, for scorers only (benchmarks)."""
+
+
+@dataclass(frozen=True)
+class RecordOptions(ConnectionOptions, CellOptions):
+    """What to record of a cell's cameras."""
+
+    out: Path
+    """File to write, ending in .mcap."""
+    seed: int = 0
+    """Seed of the simulated cell that is started."""
+    cameras: tuple[str, ...] = ()
+    """Camera to record; may be repeated. Default: all."""
+    seconds: float | None = None
+    """How long to record."""
+    frames: int | None = None
+    """How many frames of each camera to record."""
+    rate: float = 5.0
+    """Frames a second of each camera; a slower cell is recorded as fast as it goes."""
+    depth: Literal["16UC1", "32FC1"] = "16UC1"
+    """Depth in whole millimetres, or in floating point metres exactly as the camera gives it."""
+    compress: bool = False
+    """Pictures as PNG: smaller, nothing is lost, for 16UC1 only."""
+    truth: bool = False
+    """Also record what truly is in each picture, for scorers; only simulated cells started with --score say it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions(ChildOptions, ClientOptions):
+    """Where a camera is offered, and as which."""
+
+    cell: str = CellOptions.cell
+    """Built-in cell or cell file (YAML) that says where the camera is."""
+    name: str | None = None
+    """Name of the camera. Default: the cell file's only one, or the recording's."""
+    max_age: float = 0.5
+    """How old a picture may be when it is handed out, in [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ros2Options(ClientOptions):
+    """What of a running cell is shown to ROS 2."""
+
+    listen: str | None = None
+    """Endpoint to offer the topics at, for instance tcp/127.0.0.1:7450, which keeps ROS 2's side away from the robot's
+    own messages. Default: the robot's endpoint."""
+    cell: str | None = None
+    """Cell file (YAML) that says where base and cameras stand. Default: the built-in cell that is served."""
+    namespace: str = ""
+    """In front of every topic, for instance panda1."""
+    rmw_zenoh: bool = False
+    """For ROS 2 nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp (Jazzy and later), without a bridge."""
+    domain: int = 0
+    """ROS_DOMAIN_ID, for --rmw-zenoh."""
+    camera_rate: float = 1.0
+    """Frames a second of each camera; 0 for none. A simulated cell stands still while it draws one."""
+    mcap: Path | None = None
+    """Also record everything into this MCAP file."""

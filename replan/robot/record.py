@@ -5,10 +5,11 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from control.errors import ConfigError
 from replan.errors import DONE
+from replan.robot.options import RecordOptions
 from replan_base.interruption import held_back
 from replan_base.processes import python_module
 
@@ -17,25 +18,6 @@ if TYPE_CHECKING:
 
 FREE_PORT = "tcp/127.0.0.1:0"  # the process picks one and says which
 PROGRESS_PERIOD = 2.0  # [s] between two lines of progress
-
-
-@dataclass(frozen=True)
-class RecordOptions:
-    """What to record; the fields are explained by `replan record --help`."""
-
-    out: Path
-    robot: str | None = None
-    cell: str = "cubes"
-    cell_options: tuple[str, ...] = ()
-    link: Path | None = None
-    seed: int = 0
-    cameras: tuple[str, ...] = ()
-    seconds: float | None = None
-    frames: int | None = None
-    rate: float = 5.0
-    depth: Literal["16UC1", "32FC1"] = "16UC1"
-    compress: bool = False
-    truth: bool = False
 
 
 @dataclass(frozen=True)

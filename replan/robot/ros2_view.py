@@ -3,31 +3,15 @@
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from control.errors import ConfigError
 from perception.ros2.messages import message_types
+from replan.robot.options import Ros2Options
 
 if TYPE_CHECKING:
     from hw_interface.ros2.view import Ros2View
     from sim_check.cells.loading import CellConfig
-
-
-@dataclass(frozen=True)
-class Ros2Options:
-    """What to show; the fields are explained by `replan ros2 --help`."""
-
-    robot: str
-    link: Path | None = None
-    listen: str | None = None
-    cell: str | None = None
-    namespace: str = ""
-    rmw_zenoh: bool = False
-    domain: int = 0
-    camera_rate: float = 1.0
-    mcap: Path | None = None
 
 
 def make_view(cell: "CellConfig") -> "Ros2View":

@@ -35,7 +35,8 @@ from hw_interface.ros2.keys import BridgeNaming, RmwNaming
 from hw_interface.ros2.link_tree import LinkTree
 from hw_interface.ros2.view import WORLD, MountedCamera, Ros2View
 from perception.ros2.messages import STRING, TF, definition, type_hash
-from replan.robot.ros2_view import Ros2Options, show_ros2
+from replan.robot.options import Ros2Options
+from replan.robot.ros2_view import show_ros2
 from tests.support.robot_side.hw_support import robot_process
 from tests.support.robot_side.ros2_messages import DEFINITIONS as KNOWN_DEFINITIONS
 from tests.support.robot_side.ros2_messages import decode_ros2
@@ -404,12 +405,12 @@ def test_a_killed_recording_is_read_up_to_its_last_chunk(robot: SimProcess, cell
 
 def test_wrong_options_and_another_cell_are_named(robot: SimProcess, tmp_path: Path):
     with pytest.raises(ConfigError, match=r"--camera-rate -1 is not valid"):
-        show_ros2(Ros2Options("tcp/127.0.0.1:1", camera_rate=-1.0), print)
+        show_ros2(Ros2Options(robot="tcp/127.0.0.1:1", camera_rate=-1.0), print)
     with pytest.raises(ConfigError, match=r"--domain 500 is not valid; ROS_DOMAIN_ID is 0 to 232"):
-        show_ros2(Ros2Options("tcp/127.0.0.1:1", domain=500), print)
+        show_ros2(Ros2Options(robot="tcp/127.0.0.1:1", domain=500), print)
     with pytest.raises(ConfigError, match=r"--namespace 'a b' is not valid"):
-        show_ros2(Ros2Options("tcp/127.0.0.1:1", namespace="a b"), print)
+        show_ros2(Ros2Options(robot="tcp/127.0.0.1:1", namespace="a b"), print)
     with pytest.raises(ConfigError, match=r"serves cell 'test', which is not built in; say --cell FILE"):
-        show_ros2(Ros2Options(robot.endpoint), print)
+        show_ros2(Ros2Options(robot=robot.endpoint), print)
     with pytest.raises(ConfigError, match=r"serves cell 'test', not 'cubes'; say --cell test"):
-        show_ros2(Ros2Options(robot.endpoint, cell="cubes"), print)
+        show_ros2(Ros2Options(robot=robot.endpoint, cell="cubes"), print)

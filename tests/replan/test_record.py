@@ -23,7 +23,8 @@ from perception.recordings.mcap_writing import McapFrameWriter
 from perception.recordings.opening import open_recording
 from perception.recordings.recorded_truth import RecordedTruth
 from perception.ros2.messages import camera_info, compressed_image, image, string, transforms
-from replan.robot.record import RecordOptions, record
+from replan.robot.options import RecordOptions
+from replan.robot.record import record
 from tests.support.robot_side.hw_support import robot_process
 from tests.support.robot_side.ros2_cameras import compressed, info, tf
 from tests.support.robot_side.ros2_cameras import image as image_message

@@ -35,7 +35,8 @@ from hw_interface.messages.wire import decode
 from perception.frames import RgbdFrame
 from perception.recordings.opening import save_npz
 from replan.doctor.machine import examine
-from replan.robot.camera_process import CameraOptions, serve_device
+from replan.robot.camera_process import serve_device
+from replan.robot.options import CameraOptions
 from replan.run.readiness import check_cameras
 from tests.hw_interface.test_ros2 import CELL
 from tests.support.robot_side.camera_doubles import LiveSource, SteeredSource, picture
@@ -294,19 +295,19 @@ def cell(tmp_path: Path) -> Path:
 def test_a_camera_of_another_cell_and_an_unnamed_one_are_refused(robot: SimProcess, cell: Path, tmp_path: Path):
     source = lambda _: LiveSource()  # noqa: E731
     with pytest.raises(ConfigError, match=r"serves cell 'test', but this camera's place is taken from 'cubes'"):
-        serve_device(CameraOptions(robot.endpoint, name="static"), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, name="static"), source, print)
     with pytest.raises(ConfigError, match=r"cell 'test' has cameras front, wrist; say which one this is with --name"):
-        serve_device(CameraOptions(robot.endpoint, cell=str(cell)), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, cell=str(cell)), source, print)
     with pytest.raises(ConfigError, match=r"no camera 'top'; it has \['front', 'wrist'\]"):
-        serve_device(CameraOptions(robot.endpoint, cell=str(cell), name="top"), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, cell=str(cell), name="top"), source, print)
     with pytest.raises(ConfigError, match=r"'front' is offered by the robot process at .* and by camera process"):
-        serve_device(CameraOptions(robot.endpoint, cell=str(cell), name="front"), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, cell=str(cell), name="front"), source, print)
     with pytest.raises(ConfigError, match=r"--max-age 0 is not valid"):
-        serve_device(CameraOptions(robot.endpoint, name="static", max_age=0.0), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, name="static", max_age=0.0), source, print)
     other = tmp_path / "other.yaml"
     other.write_text(yaml.safe_dump({**yaml.safe_load(CELL), "name": "other"}))
     with pytest.raises(ConfigError, match=r"serves cell 'test', but this camera's place is taken from 'other'"):
-        serve_device(CameraOptions(robot.endpoint, cell=str(other), name="front"), source, print)
+        serve_device(CameraOptions(robot=robot.endpoint, cell=str(other), name="front"), source, print)
 
 
 def test_a_recording_stands_in_for_a_camera_and_ends_as_it_was_told(robot: SimProcess, tmp_path: Path):
