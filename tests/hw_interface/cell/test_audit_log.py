@@ -14,6 +14,7 @@ from benchmarks.robot_side.perfect_robot import certificate, perfect_driver, swi
 from control.errors import ConfigError, MachineError, RefusedError
 from hw_interface.cell.audit import Audit
 from hw_interface.cell.audit_log import AuditLog, DamagedLine, read_audit_log
+from tests.support.waiting import until
 
 WRITER = """
 import sys
@@ -47,6 +48,8 @@ def test_a_writer_killed_at_any_moment_leaves_a_readable_log(tmp_path: Path):
         process = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE)
         assert process.stdout is not None
         process.stdout.readline()
+        before = path.read_bytes().count(b"\n")
+        assert until(lambda before=before: path.read_bytes().count(b"\n") > before + 5)
         time.sleep(pause)
         os.kill(process.pid, signal.SIGKILL)
         process.wait()

@@ -14,7 +14,7 @@ from hw_interface.link.streams import StateReader, declare_stream
 from hw_interface.link.transport import STATE_KEY, open_client_session, open_listening_session
 from hw_interface.messages.robot import RobotState
 from hw_interface.messages.wire import encode
-from tests.support.waiting import until
+from tests.support.waiting import GENEROUS, until
 
 SLOW = 0.02  # [s] that a slow reader takes over a state
 RATE = 1000  # states a second
@@ -51,21 +51,20 @@ def test_a_slow_reader_still_gets_its_answers_at_once_and_the_latest_states(link
     reader = StateReader(client, on_state, backlog=10)
     robot.declare_queryable("cell/frame/camera", lambda query: query.reply(query.key_expr, PICTURE))
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
-    longest, ended = 0.0, time.monotonic() + 3.0
+    assert until(lambda: stream.matching_status.matching)  # pyright: ignore[reportAttributeAccessIssue]
+    overtaken: list[int] = []  # states that were on their way when an answer came
     messages = [numbered(state, number) for number in range(4 * RATE)]
     sent = 0
-    while time.monotonic() < ended and sent < len(messages):
+    while sent < len(messages):
         stream.put(messages[sent])
         sent += 1
         time.sleep(1.0 / RATE)
         if sent % (RATE // 2) == 0:
-            begun = time.monotonic()
-            replies = list(client.get("cell/frame/camera", timeout=5.0))
-            longest = max(longest, time.monotonic() - begun)
+            replies = list(client.get("cell/frame/camera", timeout=GENEROUS))
             assert [reply.ok is not None for reply in replies] == [True], "the link is alive"
-    assert longest < 1.0
-    assert until(lambda: heard[-1] == sent - 1, 2.0), "what is heard last is the latest"
+            overtaken.append(sent - 1 - heard[-1])
+    assert max(overtaken) > 1, "no answer waits for the reader"
+    assert until(lambda: heard[-1] == sent - 1), "what is heard last is the latest"
     assert len(heard) < sent / 2, "the reader was slow indeed"
     assert heard == sorted(set(heard))
     reader.close()
@@ -76,11 +75,11 @@ def test_a_reader_that_keeps_up_hears_every_state(link, state: RobotState):
     heard: list[int] = []
     StateReader(client, lambda state: heard.append(state.progress))
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
+    assert until(lambda: stream.matching_status.matching)  # pyright: ignore[reportAttributeAccessIssue]
     for number in range(200):
         stream.put(numbered(state, number))
         time.sleep(0.002)
-    assert until(lambda: len(heard) == 200, 2.0), sorted(set(range(200)) - set(heard))
+    assert until(lambda: len(heard) == 200), sorted(set(range(200)) - set(heard))
 
 
 def test_neither_garbage_nor_a_fault_of_the_reader_ends_the_reading(link, state: RobotState, caplog):
@@ -94,10 +93,10 @@ def test_neither_garbage_nor_a_fault_of_the_reader_ends_the_reading(link, state:
 
     StateReader(client, on_state)
     stream = declare_stream(robot, STATE_KEY)
-    assert until(lambda: stream.matching_status.matching, 5.0)  # pyright: ignore[reportAttributeAccessIssue]
+    assert until(lambda: stream.matching_status.matching)  # pyright: ignore[reportAttributeAccessIssue]
     for message in (numbered(state, 0), b"garbage", numbered(state, 1)):
         stream.put(message)
-    assert until(lambda: heard == [0, 1], 2.0), heard
+    assert until(lambda: heard == [0, 1]), heard
     assert "a state could not be handled" in caplog.text and "cannot be handled" in caplog.text
 
 
@@ -112,7 +111,7 @@ def test_a_reader_ends_with_its_session_or_when_it_is_closed(link):
     closed.close()
     assert sum(thread.is_alive() for thread in threads) == 1
     client.close()
-    assert until(lambda: not any(thread.is_alive() for thread in threads), 2.0)
+    assert until(lambda: not any(thread.is_alive() for thread in threads))
 
 
 def test_a_program_that_closes_nothing_ends_as_it_wants_to(state: RobotState):
