@@ -5,8 +5,8 @@ progress goes to a callback, one line a call. Whatever a person can mend is a `R
 `replan_base/errors.py`, `control/errors.py` and `perception/errors.py`. Texts name options as the command line spells
 them. KeyboardInterrupt passes through, after an arm that was set in motion has come to rest.
 
-Importing this module costs some milliseconds: option and result types are imported when they are named first, the rest
-when a function is called.
+Importing this module costs some milliseconds: types are imported when they are named first, the rest when a function is
+called.
 
 What libraries read from the environment stays theirs: `MUJOCO_GL` chooses the rendering, `HF_HOME` says where weights
 are. A key for a language server is read from the variable that `ReasonerOptions.key_variable` names.
@@ -20,26 +20,26 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from control.errors import (
-    ConfigError,
-    GoalError,
-    MachineError,
-    MotionFileError,
-    ReasonerError,
-    RefusedError,
-    RobotGoneError,
-    StackError,
-    StoppedError,
-)
-from perception.errors import PerceptionError
 from replan_base.errors import MissingPartError, ReplanError
 from replan_base.packages import require_own_packages
 from replan_base.parts import missing_parts_named
 
 if TYPE_CHECKING:
+    from control.errors import (
+        ConfigError,
+        GoalError,
+        MachineError,
+        MotionFileError,
+        ReasonerError,
+        RefusedError,
+        RobotGoneError,
+        StackError,
+        StoppedError,
+    )
     from control.safety.certificate import Certificate, Verdict
     from control.trajectory.samples import Trajectory
     from hw_interface.cell.client import CellClient
+    from perception.errors import PerceptionError
     from perception.options import PerceptionOptions
     from planning.reasoners.options import ReasonerOptions
     from replan.perceive.options import PerceiveOptions, ReadingOptions
@@ -87,18 +87,28 @@ __all__ = [
     "write_motion",
 ]
 
-# Where the types that are not light live; each is imported when it is named first.
+# Where types live; each is imported when it is named first, after the packages were found to be ours.
 _MODULES = {
     "CellClient": "hw_interface.cell.client",
     "CellConfig": "sim_check.cells.loading",
     "Certificate": "control.safety.certificate",
+    "ConfigError": "control.errors",
+    "GoalError": "control.errors",
+    "MachineError": "control.errors",
+    "MotionFileError": "control.errors",
     "PerceiveOptions": "replan.perceive.options",
     "PerceiveReport": "replan.perceive.report",
+    "PerceptionError": "perception.errors",
     "PerceptionOptions": "perception.options",
     "ReadingOptions": "replan.perceive.options",
+    "ReasonerError": "control.errors",
     "ReasonerOptions": "planning.reasoners.options",
+    "RefusedError": "control.errors",
+    "RobotGoneError": "control.errors",
     "RunOptions": "replan.run.options",
     "RunReport": "replan.run.report",
+    "StackError": "control.errors",
+    "StoppedError": "control.errors",
     "Trajectory": "control.trajectory.samples",
     "ValidateOptions": "replan.validate.options",
     "Validation": "replan.validate.motion",
@@ -199,6 +209,7 @@ def certify_motion(validation: Validation, valid_for: float = 120.0) -> Certific
         StackError: It did not pass, or the lifetime is not valid.
     """
     with _usable():
+        from control.errors import ConfigError
         from replan.validate.certificate import LEAST_TWINS, certificate_of
 
         tried = validation.verdict.trials

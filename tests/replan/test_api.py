@@ -18,10 +18,6 @@ from replan_base.packages import ROOT
 
 # All that `import replan.api` may load beside the standard library.
 LIGHT = {
-    "control",
-    "control.errors",
-    "perception",
-    "perception.errors",
     "replan",
     "replan.api",
     "replan_base",
@@ -44,11 +40,20 @@ def python(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_importing_it_loads_errors_and_nothing_else(tmp_path: Path):
+def test_importing_it_loads_nothing_heavy_and_none_of_the_folders(tmp_path: Path):
     code = "import json, sys; b = set(sys.modules); import replan.api; print(json.dumps([*set(sys.modules) - b]))"
     done = python(code, tmp_path)
     loaded = {name for name in json.loads(done.stdout) if name.partition(".")[0] not in sys.stdlib_module_names}
     assert loaded <= LIGHT, sorted(loaded - LIGHT)
+
+
+def test_a_package_of_somebody_elses_is_refused_before_it_is_imported(tmp_path: Path):
+    (tmp_path / "control").mkdir()
+    (tmp_path / "control" / "__init__.py").write_text("raise SystemExit('the wrong control')\n")
+    code = (
+        "from replan import api\ntry:\n    api.load_cell('cubes')\nexcept api.ReplanError as error:\n    print(error)"
+    )
+    assert "the package 'control' that Python finds is" in python(code, tmp_path).stdout
 
 
 def test_everything_public_is_there_and_has_a_docstring():
