@@ -104,3 +104,9 @@ def _titles(page) -> list[str]:
 def _git(*arguments: str) -> str:
     process = subprocess.run(["git", *arguments], capture_output=True, text=True, cwd=ROOT, check=False)
     return process.stdout.strip()
+
+
+def test_what_contributors_are_told_to_make_can_be_made():
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    shown = set(re.findall(r"^make ([\w-]+)|`make ([\w-]+)", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE))
+    assert {first or second for first, second in shown} <= targets
