@@ -113,7 +113,7 @@ def test_a_certificate_that_is_none_is_a_usage_error(client: CellClient, tmp_pat
 def test_whoever_ends_the_command_has_the_arm_rest_on_the_path(
     client: CellClient, tmp_path: Path, number: signal.Signals, code: int, told: str
 ):
-    motion = from_here(client, 4.0, 0.3)
+    motion = from_here(client, 40.0, 0.3)  # ended long before
     process = subprocess.Popen(
         command(client, "play", *files(tmp_path, motion)),
         stderr=subprocess.PIPE,
@@ -131,15 +131,25 @@ def test_whoever_ends_the_command_has_the_arm_rest_on_the_path(
 
 
 def test_the_speed_is_changed_from_another_terminal_while_it_moves(client: CellClient):
-    motion = from_here(client, 3.0, 0.3)
+    motion = from_here(client, 40.0, 0.3)  # ended as soon as the speed has changed
     lines: list[str] = []
-    done: list[subprocess.CompletedProcess] = []
-    other = threading.Thread(target=lambda: done.append(replan(client, "speed", "0.6", "--json")))
-    other.start()
-    report = play(motion, certificate(motion), client.endpoint, lines.append)
-    other.join()
-    assert done[0].returncode == 0 and json.loads(done[0].stdout)["speed_wanted"] == 0.6
-    assert report.slowest == 0.6 and report.fastest == 1.0
+    stopped: list[StoppedError] = []
+
+    def run() -> None:
+        with pytest.raises(StoppedError) as caught:
+            play(motion, certificate(motion), client.endpoint, lines.append)
+        stopped.append(caught.value)
+
+    player = threading.Thread(target=run)
+    player.start()
+    assert until(lambda: client.state().mode == "moving")
+    done = replan(client, "speed", "0.6", "--json")
+    assert done.returncode == 0 and json.loads(done.stdout)["speed_wanted"] == 0.6
+    assert until(lambda: client.state().speed == 0.6)
+    assert client.state().mode == "moving"
+    client.stop()
+    player.join()
+    assert stopped and "speed" in lines[0]
 
 
 @pytest.mark.parametrize("speed", ["0", "1.5", "nan"])
