@@ -270,11 +270,37 @@ class BenchFaults:
 
 
 @dataclass(frozen=True)
+class BenchStalls:
+    """Episodes of `replan bench rc` whose processes are stopped for 0.3 to 1.5 s every now and then, beside busy ones.
+
+    How many reach their goal, and what a stall ended.
+    """
+
+    seeds: tuple[int, ...] = (201, 202)
+    """Seeds of each task."""
+    tasks: tuple[str, ...] = ()
+    """Names of the tasks; default all eight (an unknown name lists them)."""
+    busy: int = 4
+    """Processes that compute beside them."""
+    folder: Path | None = None
+    """Where to keep the runs; default nowhere."""
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print one JSON object on stdout."""
+
+    def execute(self, console: Console) -> int:
+        """Run the script in a process of its own; returns its exit code, 1 when a stall ended a run at rest."""
+        command = ["benchmarks.robot_side.stalls", "--busy", str(self.busy), "--seeds", *map(str, self.seeds)]
+        command += ["--tasks", *self.tasks] if self.tasks else []
+        command += ["--folder", str(self.folder)] if self.folder else []
+        return _call(*command, *["--json"] * self.json)
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure goals, perception, motions, verdicts or the robot's side.
 
     Goals in simulated cells, the paper's tasks, perception, motions, planners, retiming, causes, verdicts, the control
-    box, the driver in real time and under faults, transport.
+    box, the driver in real time and under faults, transport, stalls.
     """
 
     name: tyro.conf.OmitSubcommandPrefixes[
@@ -292,6 +318,7 @@ class Bench:
             | Annotated[BenchResearchInterface, tyro.conf.subcommand("research-interface")]
             | Annotated[BenchRealTime, tyro.conf.subcommand("real-time")]
             | Annotated[BenchFaults, tyro.conf.subcommand("faults")]
+            | Annotated[BenchStalls, tyro.conf.subcommand("stalls")]
         ]
     ]
 

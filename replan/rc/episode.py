@@ -44,6 +44,7 @@ def options_of(job: Job, setup: Setup, runs_dir: Path) -> "RunOptions":
         reasoner=_reasoner(setup, job.variant.answer_noise),
         runs_dir=runs_dir,
         video=False,
+        go_on_after_stall=True,  # the cell is simulated; what this machine does beside it is no part of the task
         score=True,
         without=job.variant.without,
         method=job.variant.method,

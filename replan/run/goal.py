@@ -80,7 +80,7 @@ def _run(
     from planning.reasoners.choice import make_reasoners, reasoner_names
     from planning.reasoners.usage import UsageLog
     from replan.run.motion_executor import TwinCheckedExecutor
-    from replan.run.readiness import check_cameras, check_ready
+    from replan.run.readiness import check_cameras, check_ready, check_simulated
     from replan.run.recording import begin_record, record_mcap, usage_recorded
     from replan.run.scene_observer import CameraSceneObserver
     from replan.run.session import RunSession
@@ -106,6 +106,8 @@ def _run(
             if options.mcap:
                 say = record_mcap(episode, client, cell, security, say, stack)
             check_ready(client, cell.name, limits.profile, limits.firmware, options.acknowledge)
+            if options.go_on_after_stall:
+                check_simulated(client)
             check_cameras(client, [c.name for c in cell.cameras])
             if options.motion_speed is not None:
                 client.set_speed(options.motion_speed)
@@ -114,7 +116,7 @@ def _run(
             if options.poses == "true":
                 perception = TruePoses(client, tuple(cell.furniture))
             session = RunSession(client, cell, limits, episode, film, say, Stopwatch())
-            executor = TwinCheckedExecutor(session, options.seed, options.video)
+            executor = TwinCheckedExecutor(session, options.seed, options.video, options.go_on_after_stall)
             observer = CameraSceneObserver(session, perception)
             context = RunContext(
                 goal=options.goal,

@@ -22,13 +22,14 @@ class TwinCheckedExecutor:
         session: The run.
         seed: Of motion search and of the perturbed twins.
         filming: Whether to take pictures while the robot moves.
+        go_on_after_stall: As for `replan.run.motion_player.MotionPlayer`.
     """
 
-    def __init__(self, session: RunSession, seed: int, filming: bool) -> None:
+    def __init__(self, session: RunSession, seed: int, filming: bool, go_on_after_stall: bool = False) -> None:
         self._session = session
         self._robot = RobotModel.panda(gripper=session.cell.robot.gripper_model)
         self._finder = MotionFinder(session, seed, self._robot)
-        self._player = MotionPlayer(session, filming)
+        self._player = MotionPlayer(session, filming, go_on_after_stall)
 
     @property
     def steps(self) -> int:

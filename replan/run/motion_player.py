@@ -21,20 +21,26 @@ if TYPE_CHECKING:
     from hw_interface.cell.client import ExecutionReport, MotionProgress
 
 
+STALLED = ("operator_gone", "frozen")  # why a motion ends when a process stood still for too long
+
+
 class MotionPlayer:
     """Sends the robot nothing that did not pass.
 
     Args:
         session: The run; its film gets a picture of the twin, and of the cell while it moves.
         filming: Whether to take pictures while the robot moves.
+        go_on_after_stall: Acknowledge, without a person, that a process that stood still ended a motion of a simulated
+            cell. Never done for a real robot.
 
     Attributes:
         trajectories_sent: How many so far.
     """
 
-    def __init__(self, session: RunSession, filming: bool) -> None:
+    def __init__(self, session: RunSession, filming: bool, go_on_after_stall: bool = False) -> None:
         self._session = session
         self._filming = filming
+        self._goes_on = go_on_after_stall and session.client.info.simulated
         self._safety = session.cell.safety_limits()
         self._gripper = session.cell.robot.gripper_model
         self._held: str | None = None
@@ -88,6 +94,11 @@ class MotionPlayer:
             cause = FailureCause(
                 "lost_grasp", spec.primary.subject, report.detail, check=report.reason, evidence=evidence
             )
+            return failed(self._session.episode, cause)
+        if report.reason in STALLED and self._goes_on:
+            self._session.say(f"robot: at rest on its path, since {report.detail}; acknowledged, looking again")
+            self._session.client.acknowledge()
+            cause = FailureCause("refused_by_robot", spec.primary.subject, report.detail, check=report.reason)
             return failed(self._session.episode, cause)
         if not report.completed:
             kind = "lost_grasp" if report.reason == "lost_grasp" else "tracking_error"

@@ -22,6 +22,9 @@ class PlayingOptions:
     path. Stays set on the robot; `replan robot speed` changes it while it moves. Default: as the robot is set."""
     acknowledge: bool = False
     """Say that you looked at the cell after a stop or reflex, and that it may move again."""
+    go_on_after_stall: bool = False
+    """In a simulated cell: when a process that stood still has ended a motion at rest on its path, acknowledge, look
+    again and go on. Refused in front of a real robot, where a person has to look."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,6 +42,19 @@ def check_ready(client: "CellClient", cell_name: str, profile: str, firmware: st
         client.acknowledge()
 
 
+def check_simulated(client: "CellClient") -> None:
+    """Refuse to acknowledge without a person in front of a real robot.
+
+    Raises:
+        ConfigError: The cell is not simulated.
+    """
+    if not client.info.simulated:
+        raise ConfigError(
+            "--go-on-after-stall is for simulated cells; in front of this robot a person looks at the cell after a "
+            "stop, then acknowledges: leave the option out"
+        )
+
+
 def check_cameras(client: "CellClient", wanted: list[str]) -> None:
     """Refuse to begin without a camera that the cell file has: what it would have seen might be in the way.
 
