@@ -8,7 +8,7 @@ StackError
 │   ├── UnknownObjectError a name that the scene does not have
 │   └── ContradictionError two terms of a spec that cannot hold together
 ├── TrajectoryError        a trajectory that is malformed or breaks a limit
-│   ├── RetimingError      a path for which no time law within the limits was found
+│   ├── RetimingError      a path for which no timing within the limits was found
 │   └── MotionFileError    a motion file that cannot be read as one
 ├── RefusedError           the driver refused (reason code and text); nothing moved
 ├── RobotGoneError         the robot process died, froze or never answered
@@ -53,7 +53,7 @@ class TrajectoryError(StackError):
 
 
 class RetimingError(TrajectoryError):
-    """A path for which no time law within the limits was found."""
+    """A path for which no timing within the limits was found."""
 
 
 class MotionFileError(TrajectoryError):

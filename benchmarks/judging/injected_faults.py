@@ -21,7 +21,7 @@ from benchmarks.judging.fault_geometry import (
     overlaps,
     room_below,
 )
-from benchmarks.motion.base_motions import Base, Case, warped
+from benchmarks.motion.base_motions import Base, Case, rescaled
 from benchmarks.motion.placed_obstacles import NAME, Wanted, obstacle_below
 from control.path_planning.rrt_connect import straight
 from control.robot.dynamics import Payload
@@ -48,7 +48,7 @@ def excess_speed(base: Base, rng: np.random.Generator) -> Case | None:
     share = float((np.abs(base.trajectory.qd[segment.start : segment.stop]) / allowed).max())
     if share < 0.1:
         return None
-    faster = warped(base.trajectory, index, rng.uniform(1.05, 1.5) / share)
+    faster = rescaled(base.trajectory, index, rng.uniform(1.05, 1.5) / share)
     return _case(base, "joint_speed", {"joint_velocity"}, trajectory=faster)
 
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.judging.injected_faults import FAULTS
-from benchmarks.motion.base_motions import Base, Case, plan_base, warped
+from benchmarks.motion.base_motions import Base, Case, plan_base, rescaled
 from benchmarks.motion.motion_scenes import MOTIONS
 from benchmarks.motion.placed_obstacles import Wanted, obstacle_below
 from control.errors import RetimingError
@@ -85,7 +85,7 @@ def good_cases(base: Base, rng: np.random.Generator) -> list[Case]:
     slower = base.trajectory
     for index in range(len(slower.segments)):
         if np.ptp(slower.q[slower.segments[index].start : slower.segments[index].stop], axis=0).max() > 0:
-            slower = warped(slower, index, float(rng.uniform(0.5, 0.9)))
+            slower = rescaled(slower, index, float(rng.uniform(0.5, 0.9)))
     cases.append(replace(own, kind="slower", trajectory=slower))
     for path in base.others[:1]:
         try:
@@ -165,7 +165,7 @@ def lengthened(trajectory: Trajectory, seconds: float) -> Trajectory:
     """The same motion, its last segment slower or faster so that it lasts as long as is wanted."""
     segment = trajectory.segments[-1]
     own = (segment.stop - segment.start) * SAMPLE_TIME
-    return warped(trajectory, len(trajectory.segments) - 1, own / (own + seconds - trajectory.duration))
+    return rescaled(trajectory, len(trajectory.segments) - 1, own / (own + seconds - trajectory.duration))
 
 
 def time_of_one(repeats: int = 3) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def plan_base(motion: str, seed: int) -> Base | str:
     )
 
 
-def warped(trajectory: Trajectory, index: int, factor: float) -> Trajectory:
+def rescaled(trajectory: Trajectory, index: int, factor: float) -> Trajectory:
     """The same trajectory with one of its segments played faster or slower.
 
     Segments start and end at rest, so that a factor on time keeps it continuous: speeds grow with it, accelerations

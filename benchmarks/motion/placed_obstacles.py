@@ -55,10 +55,10 @@ def obstacle_below(base: Base, wanted: Wanted, rng: np.random.Generator) -> Twin
         data.qpos[:] = base.rollout.qpos[row]
         mujoco.mj_kinematics(model, data)
         hand[row : row + 4] = data.site(TCP_SITE).xpos
-    pace = np.linalg.norm(np.gradient(hand[::4, :2], 0.008, axis=0), axis=1)
+    speed_there = np.linalg.norm(np.gradient(hand[::4, :2], 0.008, axis=0), axis=1)
     above = hand[::4, 2] - base.twin.support_height
     fits = (above > wanted.height - UNDER_HAND) & (above < SLENDER * wanted.width[1] + UNDER_HAND)
-    places = np.flatnonzero((pace >= wanted.speed) & fits) * 4
+    places = np.flatnonzero((speed_there >= wanted.speed) & fits) * 4
     for _ in range(TRIES if len(places) else 0):
         x, y = hand[rng.choice(places), :2] + rng.uniform(-BESIDE, BESIDE, 2)
         width = rng.uniform(*wanted.width)

@@ -8,7 +8,7 @@ Every path is retimed under four sets of limits:
     gentle 10    the same with jerk 10 times the acceleration
 
 Every motion is held against the limits by the independent checker, and every sample against the waypoints' polyline;
-the script fails when a limit is broken. The ratio is to the time-optimal law (TOPP-RA, on a fine grid) on the same
+the script fails when a limit is broken. The ratio is to the time-optimal timing (TOPP-RA, on a fine grid) on the same
 smooth path without limits on jerk and torque rate. Very short moves cannot come near it: within a few milliseconds it
 is the jerk that counts. `jerk_bound_s` tells a bound of another kind, the time that the slowest single joint needs from
 rest to rest under its own speed, acceleration and jerk limits, whatever the path. Times are CPU times; one motion is

@@ -1,7 +1,7 @@
-"""Limits along a start law as rows that a change of its pace must keep.
+"""Limits along an initial guess as rows that bound the parameter speed p'(t).
 
-A start law goes along the path as s(p), at rest at both ends of p = 0..n cells. Played with a varying pace,
-p'(t)^2 = b(p), it has with a = b' / 2 and d = b'' / 2
+An initial guess goes along the path as s(p), at rest at both ends of p = 0..n cells. With a varying parameter speed,
+p'(t)^2 = b(p), and with a = b' / 2 and d = b'' / 2, it has
 
     p'' = a,   p''' = d sqrt(b)
 
@@ -12,9 +12,9 @@ and, with subscripts for derivatives with respect to p and tau = m p'' + c p'^2 
     jerk            sqrt(b) (q_p d + 3 q_pp a + q_ppp b)
     torque rate     sqrt(b) (m d + (m_p + 2 c) a + c_p b + g_p)
 
-Speed is a bound on b; the hand's linear and angular acceleration and jerk are vectors that follow the first and third
-line with the hand's velocity and acceleration of the start law in place of q_p and q_pp. Since the start law rests at
-its ends by itself, b is of moderate size everywhere, where the usual squared path speed s'^2 falls to zero.
+Speed is a bound on b. The hand's linear and angular acceleration and jerk are vectors; they follow the first and third
+line with the hand's velocity and acceleration of the initial guess in place of q_p and q_pp. The initial guess rests at
+its ends by itself. Therefore b is of moderate size everywhere, where the usual squared path speed s'^2 falls to zero.
 
 b is a quadratic spline on the cells with coefficients beta (a hill each, three to a cell): a is linear and d constant
 within a cell. Rows of speed, acceleration and torque stand at the nodes between cells, where a has its extremes; rows
@@ -136,7 +136,7 @@ class RowBlock:
         return self.grouped(linear * linear) * factor
 
     def used(self, beta: np.ndarray) -> np.ndarray:
-        """Squared lengths of the groups, tightened, shape (groups, n), at a pace."""
+        """Squared lengths of the groups, tightened, shape (groups, n), at the coefficients beta."""
         u = self.values(beta)
         return self.squares(self.linear(u), u)
 
@@ -155,7 +155,7 @@ class RowBlock:
 def row_blocks(
     path: SmoothPath, start: InitialGuess, robot: RobotModel, bounds: MotionBounds
 ) -> tuple[RowBlock, RowBlock]:
-    """All rows along a start law.
+    """All rows along an initial guess.
 
     Returns:
         Rows at the nodes, and at both ends of the cells; groups as in `AT_NODES` and `IN_CELLS`.
@@ -165,7 +165,7 @@ def row_blocks(
     at, first, second, third = (path(s, order) for order in range(4))
     q, q1 = at, first * s1[:, None]
     q2 = second * (s1**2)[:, None] + first * s2[:, None]
-    bend = third * (s1**3)[:, None] + 3.0 * second * (s1 * s2)[:, None]  # q_ppp without the start law's own jerk
+    bend = third * (s1**3)[:, None] + 3.0 * second * (s1 * s2)[:, None]  # q_ppp without the initial guess's own jerk
     zero = np.zeros_like(q)
     g = robot.gravity(q)
     m, c = robot.torque(q, zero, q1) - g, robot.torque(q, q1, q2) - g

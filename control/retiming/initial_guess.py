@@ -1,4 +1,4 @@
-"""A smooth start law along a path: any time law, blurred just enough to have a bounded jerk and to start from rest."""
+"""The initial guess of a path's timing: any timing, smoothed until its jerk is bounded and it starts from rest."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ GRADUAL = 3.0  # cells over which their length is averaged
 class InitialGuess:
     """Progress s(p) along a path for 0 <= p <= n cells, a cubic spline that rests at both ends.
 
-    Its coefficients are samples of a time law: such a spline is monotonic when they are (Marsden and Schoenberg,
+    Its coefficients are samples of a timing: such a spline is monotonic when they are (Marsden and Schoenberg,
     1966), keeps to their range, and jerks by steps from cell to cell.
 
     Attributes:
@@ -52,11 +52,11 @@ class InitialGuess:
 def cell_times(
     progress: Callable[[np.ndarray], np.ndarray], duration: float, cells: int, breaks: np.ndarray, closely: float
 ) -> np.ndarray:
-    """Times for `start_law` that look closely at short pieces of a path.
+    """Times for `initial_guess` that lie close together on short pieces of a path.
 
     Args:
-        progress: Times in [s] to progress along the path, as for `start_law`.
-        duration: Of the law in [s].
+        progress: Times in [s] to progress along the path, as for `initial_guess`.
+        duration: Of the timing in [s].
         cells: How many cells.
         breaks: Progress at which pieces of the path end, increasing, from the start of the path to its end.
         closely: Share of the cells that is dealt out by pieces instead of by time, 0..1.
@@ -66,23 +66,23 @@ def cell_times(
     """
     dense = np.linspace(0.0, duration, 4 * cells + 1)
     passed = np.interp(progress(dense), breaks, np.linspace(0.0, 1.0, len(breaks)))
-    share = (1.0 - closely) * dense / duration + closely * passed / passed[-1]
-    times = np.interp(np.linspace(0.0, 1.0, cells + 1), share, dense)
+    portion = (1.0 - closely) * dense / duration + closely * passed / passed[-1]
+    times = np.interp(np.linspace(0.0, 1.0, cells + 1), portion, dense)
     lengths = np.exp(gaussian_filter1d(np.log(np.diff(times)), GRADUAL, mode="nearest"))
     return np.concatenate([[0.0], np.cumsum(lengths)]) * (duration / np.sum(lengths))
 
 
-def start_law(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> tuple[InitialGuess, np.ndarray]:
-    """Make a start law of a time law.
+def initial_guess(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -> tuple[InitialGuess, np.ndarray]:
+    """Make an initial guess from a timing.
 
     Args:
         progress: Times in [s] of shape (k,) to progress of shape (k,), from rest to rest.
         times: Between rest and rest in [s], increasing, shape (c + 1,), c >= 2. Cells are even, so where these lie
-            closer together the start law is slower than the time law.
+            closer together the initial guess is slower than the timing.
 
     Returns:
-        The start law, and coefficients of the squared pace (see `control.retiming.interior_point`) at which it is about
-        as fast as the time law, shape (cells + 2,).
+        The initial guess, and coefficients of the squared parameter speed (see `control.retiming.constraints`) at which
+        it is about as fast as the timing, shape (cells + 2,).
     """
     s = progress(times)
     padded = np.pad(s, 3, mode="edge")
@@ -91,12 +91,12 @@ def start_law(progress: Callable[[np.ndarray], np.ndarray], times: np.ndarray) -
     coefficients[1:-1] -= np.diff(padded, n=2) / 6.0
     coefficients = np.maximum.accumulate(np.clip(coefficients, s[0], s[-1]))
     even = float(times[-1]) / (len(times) - 1)
-    pace = np.pad(
+    squared_speed = np.pad(
         (even / np.diff(times)) ** 2, 3, mode="edge"
     )  # of the cell after each coefficient, the first left out
     first, last = _moving(coefficients), len(coefficients) - 1 - _moving(s[-1] + s[0] - coefficients[::-1])
     kept = np.concatenate([[s[0]] * 3, coefficients[first : last + 1], [s[-1]] * 3])
-    return InitialGuess(kept, even), pace[first - 3 : last + 3]
+    return InitialGuess(kept, even), squared_speed[first - 3 : last + 3]
 
 
 def _moving(coefficients: np.ndarray) -> int:

@@ -1,4 +1,4 @@
-"""The fastest pace at which a start law keeps its rows, by a primal-dual interior point method.
+"""The shortest timing of an initial guess within its constraints, by a primal-dual interior point method.
 
     minimise the duration T(beta) = sum_i weight_i / sqrt(beta_i)   subject to   f = (|w|^2 - 1) / 2 <= 0 for each group
 
@@ -8,9 +8,9 @@ with rows w(beta) as in `control.retiming.constraints`. With slacks s = -f and m
 
 where the second derivatives of w (from the factor sqrt(b)) are left out: the matrix stays positive definite. It has
 five diagonals, as a row knows three neighbouring coefficients, so an iteration takes time proportional to the number
-of cells. mu goes to zero with s l. Every iterate is strictly inside the limits; the shortest is returned, however the
-iteration ends. In the first and in the last cell the pace is even (three equal coefficients): everything rests at their
-outer ends, so no row there would notice a jerk that has its extreme inside the cell.
+of cells. The barrier parameter mu goes to zero with s l. Every iterate is strictly inside the limits; the shortest is
+returned, however the iteration ends. In the first and in the last cell the parameter speed is constant (three equal
+coefficients). Everything rests at the outer ends of these cells, so no row there would show the jerk inside the cell.
 
 Source: Nocedal and Wright, "Numerical Optimization", 2nd edition, chapter 19.
 """
@@ -26,9 +26,10 @@ from control.retiming.constraints import RowBlock
 from control.retiming.initial_guess import InitialGuess
 
 ITERATIONS = 40
-CLOSE = 2e-3  # duality gap relative to the duration that ends the iteration
-TO_THE_WALL = 0.97  # share of the way to the nearest limit that a step goes at most
-FIRST_CENTRE, CENTRE = 0.1, 0.15  # mu of the start in durations per cell; factor by which it falls after a good step
+GAP = 2e-3  # duality gap relative to the duration that ends the iteration
+FRACTION_TO_BOUNDARY = 0.97  # share of the way to the nearest limit that a step goes at most
+FIRST_BARRIER = 0.1  # mu of the start in durations per cell
+BARRIER_FACTOR = 0.15  # factor by which mu falls after a good step
 GOOD_STEP, FAIR_STEP = 0.6, 0.2
 SHRINK, SHRINKS = 0.6, 12  # of a step that would leave the limits
 LEAST_SLACK = 0.02  # share of a slack that one step must leave
@@ -36,24 +37,28 @@ SUBCELLS = 8  # parts of a cell between which p(t) is a polynomial of fifth degr
 _GAUSS = np.polynomial.legendre.leggauss(3)
 
 
-def room(blocks: Sequence[RowBlock], beta: np.ndarray) -> float:
-    """Largest squared length of any group at an even pace in the end cells: below 1 all limits are kept."""
+def peak_utilisation(blocks: Sequence[RowBlock], beta: np.ndarray) -> float:
+    """Largest squared length of any group, at a constant parameter speed in the end cells; below 1 all limits hold."""
     beta = _even_ends(beta)
     return max(float(block.used(beta).max()) for block in blocks)
 
 
-def fastest_pace(
-    blocks: Sequence[RowBlock], cell: float, beta: np.ndarray, close: float = CLOSE, centre: float = FIRST_CENTRE
+def minimise_duration(
+    blocks: Sequence[RowBlock],
+    cell: float,
+    beta: np.ndarray,
+    gap_tolerance: float = GAP,
+    barrier: float = FIRST_BARRIER,
 ) -> np.ndarray:
-    """Coefficients of the fastest pace.
+    """Coefficients beta of the shortest duration.
 
     Args:
         blocks: What has to be kept.
         cell: Length of a cell in [s].
-        beta: Coefficients to start from, positive and strictly within all limits, also with an even pace in the first
-            and in the last cell, shape (n + 2,).
-        close: Duality gap relative to the duration that is good enough.
-        centre: mu to start with in durations per cell; smaller where beta is near the fastest pace already.
+        beta: Coefficients to start from, positive and strictly within all limits, also with a constant parameter speed
+            in the first and in the last cell, shape (n + 2,).
+        gap_tolerance: Duality gap relative to the duration that is good enough.
+        barrier: mu to start with in durations per cell; smaller where beta is near the optimum already.
 
     Returns:
         Coefficients of the same shape that are not slower and strictly within the limits as well.
@@ -69,14 +74,14 @@ def fastest_pace(
     state = [_State.of(block, beta) for block in blocks]
     count = sum(x.slack.size for x in state)
     best, shortest = beta, duration(beta)
-    mu = centre * shortest / len(beta)
+    mu = barrier * shortest / len(beta)
     multipliers = [mu / x.slack for x in state]
     for _ in range(ITERATIONS):
         matrix, gradient = np.zeros((3, len(beta))), -0.5 * weight * beta**-1.5
         matrix[2] = -1.5 * gradient / beta
         pushes = [x.add_to(matrix, gradient, y, mu) for x, y in zip(state, multipliers, strict=True)]
         step = _solve_tied(matrix, -gradient)
-        if step is None:  # lost to rounding: what was reached is as good as it gets
+        if step is None:  # rounding errors end the iteration
             break
         primal, dual = min(1.0, 0.9 / max(float(np.max(-step / beta)), 1e-12)), 1.0
         changes = []
@@ -84,7 +89,7 @@ def fastest_pace(
             towards = x.towards(step, push)
             change = (mu + y * towards) / x.slack - y
             changes.append(change)
-            primal = min(primal, TO_THE_WALL / max(float(np.max(towards / x.slack)), 1e-12))
+            primal = min(primal, FRACTION_TO_BOUNDARY / max(float(np.max(towards / x.slack)), 1e-12))
             dual = min(dual, 0.95 / max(float(np.max(-change / y)), 1e-12))
         for _ in range(SHRINKS):
             moved = beta + primal * step
@@ -103,19 +108,19 @@ def fastest_pace(
         if now < shortest:
             best, shortest = beta, now
         gap = sum(float(np.sum(x.slack * y)) for x, y in zip(state, multipliers, strict=True))
-        if gap < close * now and primal > 0.5:
+        if gap < gap_tolerance * now and primal > 0.5:
             break
         centred, reach = gap / count, min(primal, dual)
         if reach > FAIR_STEP:
-            factor = CENTRE if reach > GOOD_STEP else 0.5
-            mu = min(mu, max(factor * centred, 0.3 * close * now / count))
+            factor = BARRIER_FACTOR if reach > GOOD_STEP else 0.5
+            mu = min(mu, max(factor * centred, 0.3 * gap_tolerance * now / count))
         else:
             mu = centred
     return best
 
 
 def _even_ends(beta: np.ndarray) -> np.ndarray:
-    """The same with an even pace in the first and in the last cell."""
+    """The same with a constant parameter speed in the first and in the last cell."""
     beta = beta.copy()
     beta[:3], beta[-3:] = beta[:3].min(), beta[-3:].min()
     return beta
@@ -189,11 +194,11 @@ class _State:
         tight = block.tight * self.u[0] if block.rate else block.tight
         if block.rate:
             directions = (directions[0] + self.linear * (0.5 / self.u[0]), *directions[1:])
-        pull, centre = multiplier / self.slack, mu / self.slack
+        pull, barrier = multiplier / self.slack, mu / self.slack
         straight = multiplier * tight
         lever = tight[:scalars] * self.linear[:scalars]
         weight = straight[:scalars] + pull[:scalars] * lever**2
-        slant = centre[:scalars] * lever
+        slant = barrier[:scalars] * lever
         vectors = []
         if scalars < len(self.slack):
             vectors = [tight[scalars:] * _dots(self.linear[scalars:], d[scalars:]) for d in directions]
@@ -205,7 +210,7 @@ class _State:
             slope[i] = np.einsum("rn,rn->n", slant, direction[:scalars])
             weighted = weight * direction[:scalars]
             if vectors:
-                slope[i] += np.einsum("gn,gn->n", centre[scalars:], vectors[i])
+                slope[i] += np.einsum("gn,gn->n", barrier[scalars:], vectors[i])
             for j in range(i, k):
                 products[row] = np.einsum("rn,rn->n", weighted, directions[j][:scalars])
                 if vectors:
@@ -244,11 +249,11 @@ def _dots(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Warp:
-    """A start law played at a pace: a time law from rest to rest.
+class PathTiming:
+    """An initial guess with the parameter speed of the result: a timing from rest to rest.
 
     Attributes:
-        start: The start law.
+        start: The initial guess.
         beta: Coefficients of b = p'^2, a quadratic spline on its cells, positive, shape (n + 2,).
     """
 

@@ -1,6 +1,6 @@
-"""What share of each limit the samples of a segment take, by finite differences every millisecond.
+"""Utilisation of each limit by the samples of a segment, by finite differences every millisecond.
 
-Retiming judges its own result with this; the checker of `control.safety.trajectory_checks` shares nothing with it.
+Retiming checks its own result with this; the checker of `control.safety.trajectory_checks` shares no code with it.
 """
 
 import numpy as np
@@ -26,22 +26,22 @@ ORDER = {
 }
 
 
-def sampled_shares(
+def limit_utilisation(
     q: np.ndarray, robot: RobotModel, bounds: MotionBounds, look: tuple[np.ndarray, np.ndarray] | None = None
 ) -> dict[str, np.ndarray]:
-    """Shares of the limits by name.
+    """Utilisation of the limits by name.
 
     Args:
         q: Samples every millisecond in [rad], shape (n, 7), at rest before the first and after the last one.
         robot: Rigid-body model.
         bounds: What the samples are held to.
-        look: Rows of the result in which torques, and in which the hand, are looked at: masks of shape
-            (n + 2 PADDING,). The rigid-body model is asked for no more than these take; None for all rows.
+        look: Rows of the result in which torques, and in which the hand, are checked: masks of shape
+            (n + 2 PADDING,). The rigid-body model is evaluated for no more than these take; None for all rows.
 
     Returns:
         By the names of `ORDER`, arrays of shape (n + 2 PADDING, 7) for joints and (n + 2 PADDING, 1) for the hand: row
-        k is of the difference that ends at sample k - PADDING. 1 is the limit. Rows that are not looked at are 0, or
-        what neighbouring rows happen to tell.
+        k is of the difference that ends at sample k - PADDING. 1 is the limit. Rows that are not checked hold 0
+        or a value from neighbouring rows.
     """
     rest = np.concatenate([np.repeat(q[:1], PADDING, 0), q, np.repeat(q[-1:], PADDING, 0)])
     qd, qdd, qddd = _differences(rest)
@@ -50,7 +50,7 @@ def sampled_shares(
     tau[for_torque] = robot.torque(rest[for_torque], qd[for_torque], qdd[for_torque])
     before = np.concatenate([rest[:1], rest[:-1]])
     speed = np.minimum(bounds.joint_speed(rest, qd), bounds.joint_speed(before, qd))
-    shares = {
+    utilisation = {
         "joint_velocity": np.abs(qd) / np.maximum(speed, 1e-9),
         "joint_acceleration": np.abs(qdd) / bounds.qdd,
         "joint_jerk": np.abs(qddd) / bounds.qddd,
@@ -65,10 +65,12 @@ def sampled_shares(
     for name, values, limit in zip(
         ("speed", "acceleration", "jerk"), (velocity, acceleration, jerk), bounds.hand, strict=True
     ):
-        shares[f"hand_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
+        utilisation[f"hand_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
     for name, values, limit in zip(("speed", "acceleration", "jerk"), turns, bounds.turn, strict=True):
-        shares[f"hand_angular_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
-    return shares if look is None else {name: np.nan_to_num(share, copy=False) for name, share in shares.items()}
+        utilisation[f"hand_angular_{name}"] = np.linalg.norm(values, axis=1, keepdims=True) / limit
+    return (
+        utilisation if look is None else {name: np.nan_to_num(used, copy=False) for name, used in utilisation.items()}
+    )
 
 
 def _reached(rows: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What a path costs: torques and the hand's motion along it, as bounds for a time law without limits on jerk."""
+"""Torques and the hand's motion along a path, as bounds for a TOPP-RA profile, which has no limit on jerk."""
 
 import numpy as np
 
@@ -57,8 +57,8 @@ class PathDynamics:
                 "towards it at all. Take a path that stays further away"
             )
 
-    def fastest_law(self) -> ToppraProfile:
-        """The fastest time law on the grid with jerk and torque rate unbounded.
+    def fastest_profile(self) -> ToppraProfile:
+        """The TOPP-RA profile on the grid: the fastest timing with jerk and torque rate unbounded.
 
         Raises:
             RetimingError: The solver finds none.

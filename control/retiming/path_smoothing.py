@@ -1,4 +1,4 @@
-"""Smooth paths from waypoints: what a time law can be put on.
+"""Smooth paths from waypoints, which retiming needs.
 
 Waypoints from a motion search are a polyline: dense and slightly noisy, or coarse with corners. Both become a quintic
 B-spline that starts and ends exactly where the polyline does and stays within a tolerance of it per joint:
@@ -10,7 +10,7 @@ B-spline that starts and ends exactly where the polyline does and stays within a
   (every point is a convex combination of points of the polyline) and so always exists inside the joint limits.
   Source: Marsden and Schoenberg, "On variation diminishing spline approximation methods", 1966.
 
-Whichever can be driven faster is taken.
+The faster of the two is taken.
 """
 
 from dataclasses import dataclass, replace
@@ -86,7 +86,7 @@ def distinct_waypoints(q: np.ndarray) -> np.ndarray:
 def smooth_path(
     waypoints: np.ndarray, tolerance: float, q_min: np.ndarray, q_max: np.ndarray, bounds: MotionBounds
 ) -> SmoothPath:
-    """The smooth path through waypoints that can be driven fastest.
+    """The smooth path through waypoints that can be traversed fastest.
 
     Args:
         waypoints: In [rad], shape (n, 7), inside the limits, two of them at least apart from each other.
@@ -198,7 +198,7 @@ def _split(breaks: np.ndarray, split: np.ndarray) -> np.ndarray:
 
 
 def _estimated_time(path: SmoothPath, bounds: MotionBounds) -> float:
-    """Rough duration in [s]: at the speed that velocity and what bends the path allow at a steady pace, plus run-up."""
+    """Rough duration in [s]: at the speed that velocity limits and the path's curvature allow, plus acceleration."""
     s = np.unique(np.concatenate([np.linspace(0.0, 1.0, 200), (path.breaks[:-1] + path.breaks[1:]) / 2]))
     slowness = np.zeros(len(s))
     for order, limit in ((1, bounds.qd), (2, bounds.qdd), (3, bounds.qddd)):

@@ -56,7 +56,7 @@ def retime(
     options: RetimingOptions | None = None,
     payloads: Mapping[str, Payload] | None = None,
 ) -> Trajectory:
-    """Put a time law on a path; see `retime_with_report`."""
+    """Time a path; see `retime_with_report`."""
     return retime_with_report(path, robot, limits, safety, options, payloads)[0]
 
 
@@ -68,7 +68,7 @@ def retime_with_report(
     options: RetimingOptions | None = None,
     payloads: Mapping[str, Payload] | None = None,
 ) -> tuple[Trajectory, RetimingReport]:
-    """Put a time law on a path.
+    """Time a path.
 
     Args:
         path: Waypoints in [rad] by segment. Segments without motion only contribute their gripper command.
@@ -86,7 +86,7 @@ def retime_with_report(
 
     Raises:
         RetimingError: Waypoints that are malformed, outside the joint limits or not joined, a pose that the arm cannot
-            hold, or a limit that no time law keeps; names the segment, the place and the limit.
+            hold, or a limit that no timing keeps; names the segment, the place and the limit.
         ConfigError: A payload's mass is not a number >= 0.
     """
     options = options or RetimingOptions()
@@ -146,7 +146,7 @@ def shortest_moving_time(
     options: RetimingOptions,
     payloads: Mapping[str, Payload] | None = None,
 ) -> float:
-    """Shortest time in [s] in which the smooth paths of all segments can be driven with unbounded jerk and torque rate.
+    """Shortest time in [s] of the smooth paths of all segments with unbounded jerk and torque rate.
 
     Arguments as for `retime_with_report`; the finer `options.grid`, the tighter.
     """

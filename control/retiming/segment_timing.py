@@ -3,15 +3,15 @@
 In this order:
 
 1. a smooth path within a tolerance of the waypoints (`control.retiming.path_smoothing`);
-2. the fastest time law without limits on jerk and torque rate (`control.retiming.path_dynamics`), blurred into a start
-   law;
-3. the pace at which the start law is fastest under all limits (`control.retiming.constraints`,
-   `control.retiming.interior_point`), twice: the first result is the start law of the second, on finer cells;
-4. every millisecond is checked by finite differences, with the rigid-body model where 3 came near a limit that takes
-   it; where limits are broken between the points at which 3 looks, they are tightened and 3 is repeated;
-5. if anything is still broken, the time law is stretched uniformly. Velocity falls with the stretch, acceleration with
-   its square, jerk with its cube, and what remains of torque is gravity: so this ends. The last check has the
-   rigid-body model at every millisecond.
+2. the TOPP-RA profile, without limits on jerk and torque rate (`control.retiming.path_dynamics`), smoothed into an
+   initial guess (`control.retiming.initial_guess`);
+3. the shortest timing under all limits (`control.retiming.constraints`, `control.retiming.interior_point`), twice: the
+   first result is the initial guess of the second, on finer cells;
+4. every millisecond is checked by finite differences, with the rigid-body model where 3 came near a limit that needs
+   it; where limits are broken between the points that 3 checks, they are tightened and 3 is repeated;
+5. if anything is still broken, the timing is stretched uniformly. Velocity falls with the stretch, acceleration with
+   its square, jerk with its cube, and what remains of torque is gravity; so this step ends. The last check evaluates
+   the rigid-body model at every millisecond.
 """
 
 from collections.abc import Callable
@@ -23,9 +23,9 @@ from scipy.ndimage import binary_dilation, maximum_filter1d
 from control.errors import RetimingError
 from control.retiming.bounds import MotionBounds
 from control.retiming.constraints import AT_NODES, IN_CELLS, RowBlock, row_blocks
-from control.retiming.initial_guess import InitialGuess, cell_times, start_law
-from control.retiming.interior_point import CLOSE, Warp, fastest_pace, room
-from control.retiming.limit_utilisation import ORDER, PADDING, sampled_shares
+from control.retiming.initial_guess import InitialGuess, cell_times, initial_guess
+from control.retiming.interior_point import GAP, PathTiming, minimise_duration, peak_utilisation
+from control.retiming.limit_utilisation import ORDER, PADDING, limit_utilisation
 from control.retiming.path_dynamics import PathDynamics
 from control.retiming.path_smoothing import SmoothPath, smooth_path
 from control.retiming.toppra_profile import ToppraProfile
@@ -37,19 +37,19 @@ from control.trajectory.samples import SAMPLE_TIME, PathSegment
 MAX_STRETCH = 100.0
 TIGHTENED = 3  # times that limits are tightened at most
 GOOD_ENOUGH, GOOD_ENOUGH_AGAIN = 1.002, 1.005  # a uniform stretch smaller than this is not worth tightening limits
-COARSE, FINE = 100, 500  # cells of the first and second start law, at most unless the path has many pieces
+COARSE, FINE = 100, 500  # cells of the first and second initial guess, at most unless the path has many pieces
 FINEST = 2.5e-3  # [s]; cells need not be shorter
 LONGEST = 0.01  # [s]; nor should they be longer in the second
-COARSE_PER_PIECE, FINE_PER_PIECE = 2, 4  # cells for each piece of the path, so that none is overlooked
+COARSE_PER_PIECE, FINE_PER_PIECE = 2, 4  # cells for each piece of the path, so that none is missed
 CLOSELY = 0.5
 SHORT_RAMP = 0.004  # [s]
 MOST_CELLS = 2000  # a limit on memory
-ROUGHLY = 0.02  # duality gap with which the first result is good enough to start the second
-TIGHTENED_CENTRE = 0.01  # for `fastest_pace`, when limits were tightened a little
-ROOM = 0.9  # largest squared share of a limit that the pace search starts with
-USED = 0.3  # groups of rows whose largest squared share stays below this in the first result are left out of the second
+COARSE_GAP = 0.02  # duality gap with which the first result is good enough to start the second
+TIGHTENED_BARRIER = 0.01  # for `minimise_duration`, when limits were tightened a little
+START_UTILISATION = 0.9  # largest squared utilisation of a limit that the search starts with
+USED = 0.3  # the second result leaves out groups of rows with a smaller peak of squared utilisation in the first
 USED_AGAIN = 0.5  # the same when limits are tightened, as little changes then
-NEAR = 0.5  # squared share of a limit in a row from which the samples around it are looked at with the model
+NEAR = 0.5  # squared utilisation of a limit in a row from which the model is evaluated at the samples around it
 OVERDONE = 1.005  # by how much more than needed limits are tightened
 OVERSHOOT, MOST_OVERSHOOT = 0.5, 0.02  # and more by this share of what was needed, up to so much
 LEAST_STRETCH = 1.0005  # of uniform stretches, the first
@@ -64,7 +64,7 @@ class RetimingOptions:
             hand of a stretched Panda by less than 4 mm.
         grasp_dwell: Time that the arm rests for a grasp in [s]; longer where the gripper needs it for its whole stroke.
         move_dwell: Time that it rests for opening or closing to a width in [s]; as for a grasp.
-        grid: Grid intervals of the time law without limits on jerk along a segment, at least.
+        grid: Grid intervals of the timing without limits on jerk along a segment, at least.
     """
 
     tolerance: float = 0.004
@@ -111,10 +111,10 @@ def time_segment(
 
     Returns:
         Joint positions every millisecond in [rad], shape (n, 7), beginning one millisecond after the arm rested at
-        the first waypoint and ending with two equal samples at the last one; and how they came about.
+        the first waypoint and ending with two equal samples at the last one; and a report.
 
     Raises:
-        RetimingError: No time law keeps the limits; names the segment, the place and the limit.
+        RetimingError: No timing keeps the limits; names the segment, the place and the limit.
     """
     try:
         return _timed(segment, robot, limits, safety, options)
@@ -130,7 +130,7 @@ def shortest_time(
     Arguments and errors as for `time_segment`; `options.grid` is how finely the path is looked at.
     """
     path, bounds = _smoothed(segment, limits, safety, options)
-    return PathDynamics(path, robot, bounds, options.grid).fastest_law().duration
+    return PathDynamics(path, robot, bounds, options.grid).fastest_profile().duration
 
 
 def _smoothed(
@@ -147,41 +147,41 @@ def _timed(
     path, bounds = _smoothed(segment, limits, safety, options)
     dynamics = PathDynamics(path, robot, bounds, options.grid)
     dynamics.check()
-    law = dynamics.fastest_law()  # what the report compares with: without jerk, and without headroom
+    profile = dynamics.fastest_profile()  # what the report compares with: without jerk, and without headroom
     bounds = bounds.with_headroom()
-    search = _PaceSearch(path, robot, bounds)
-    warp = search.first(law)
+    search = _TimingSearch(path, robot, bounds)
+    timing = search.first(profile)
 
-    def sampled(warp: Warp, stretch: float, near: _Near | None) -> _Samples:
-        return _Samples.of(warp, stretch, near, segment.q, path, robot, bounds)
+    def sampled(timing: PathTiming, stretch: float, near: _Near | None) -> _Samples:
+        return _Samples.of(timing, stretch, near, segment.q, path, robot, bounds)
 
-    seen: list[tuple[Warp, _Samples]] = []  # with the model asked for every sample
+    seen: list[tuple[PathTiming, _Samples]] = []  # with the model asked for every sample
     for k in range(TIGHTENED + 1):
-        samples = sampled(warp, 1.0, search.near(warp))
+        samples = sampled(timing, 1.0, search.near(timing))
         # The last tightening must not overlook anything; nor may what is good enough otherwise.
         good = samples.needed <= (GOOD_ENOUGH if k == 0 else GOOD_ENOUGH_AGAIN)
         if good or k >= TIGHTENED - 1:
-            samples = sampled(warp, _small_stretch(samples.needed) if good else 1.0, None)
-            seen.append((warp, samples))
+            samples = sampled(timing, _small_stretch(samples.needed) if good else 1.0, None)
+            seen.append((timing, samples))
             if samples.needed <= GOOD_ENOUGH:
                 break
-        other = search.tightened(warp, samples) if k < TIGHTENED else None
+        other = search.tightened(timing, samples) if k < TIGHTENED else None
         if other is None:
             break
-        warp = other
+        timing = other
     if not seen:
-        seen.append((warp, sampled(warp, 1.0, None)))
-    warp, samples = min(seen, key=_stretched_duration)
+        seen.append((timing, sampled(timing, 1.0, None)))
+    timing, samples = min(seen, key=_stretched_duration)
     least = LEAST_STRETCH
     while samples.needed > 1.0:
         stretch = samples.stretch * _small_stretch(samples.needed, least)
         least = 2.0 * least - 1.0  # a peak may hide between samples: steps as small as the first could go on for long
         if stretch > MAX_STRETCH:
-            name, share, s = samples.worst
-            raise RetimingError(_no_law(name, share, path.place(s)))
-        samples = sampled(warp, stretch, None)
+            name, used, s = samples.worst
+            raise RetimingError(_no_timing(name, used, path.place(s)))
+        samples = sampled(timing, stretch, None)
     duration = (len(samples.q) - 1) * SAMPLE_TIME
-    return samples.q[1:], SegmentReport(segment.name, duration, law.duration, path.deviation, samples.stretch)
+    return samples.q[1:], SegmentReport(segment.name, duration, profile.duration, path.deviation, samples.stretch)
 
 
 def _small_stretch(needed: float, least: float = LEAST_STRETCH) -> float:
@@ -189,16 +189,16 @@ def _small_stretch(needed: float, least: float = LEAST_STRETCH) -> float:
     return 1.0 if needed <= 1.0 else min(1.25, max(least, needed))
 
 
-def _no_law(name: str, share: float, place: str) -> str:
+def _no_timing(name: str, used: float, place: str) -> str:
     return (
-        f"has no time law that keeps {name} {place}: even {MAX_STRETCH:.0f} times slower than the fastest it reaches "
-        f"{100 * share:.1f} % of the limit. Take another path"
+        f"has no timing that keeps {name} {place}: even {MAX_STRETCH:.0f} times slower than the fastest it reaches "
+        f"{100 * used:.1f} % of the limit. Take another path"
     )
 
 
-def _stretched_duration(found: "tuple[Warp, _Samples]") -> float:
-    warp, samples = found
-    return warp.duration * samples.stretch * max(samples.needed, 1.0)
+def _stretched_duration(found: "tuple[PathTiming, _Samples]") -> float:
+    timing, samples = found
+    return timing.duration * samples.stretch * max(samples.needed, 1.0)
 
 
 def _named(limit: str, joint: int | None) -> str:
@@ -207,46 +207,46 @@ def _named(limit: str, joint: int | None) -> str:
 
 @dataclass(frozen=True)
 class _Near:
-    """Cells of a start law in which torques, and the hand, come near their limits: masks of shape (cells,)."""
+    """Cells of an initial guess in which torques, and the hand, come near their limits: masks of shape (cells,)."""
 
     torque: np.ndarray
     hand: np.ndarray
 
 
-class _PaceSearch:
-    """Finds the pace of start laws along one path; keeps the rows of the last one for tightening."""
+class _TimingSearch:
+    """Finds the shortest timing along one path; keeps the rows of the last one for tightening."""
 
     def __init__(self, path: SmoothPath, robot: RobotModel, bounds: MotionBounds) -> None:
         self._path, self._robot, self._bounds = path, robot, bounds
         self._blocks: tuple[RowBlock, ...] = ()
 
-    def first(self, law: ToppraProfile) -> Warp:
-        """The fastest warp, in two rounds.
+    def first(self, profile: ToppraProfile) -> PathTiming:
+        """The fastest timing, in two rounds.
 
         Raises:
-            RetimingError: The limits are broken at any pace; names the place.
+            RetimingError: The limits are broken at any speed; names the place.
         """
         pieces = len(self._path.breaks) - 1
-        cells = _cells(law.duration, max(COARSE, COARSE_PER_PIECE * pieces))
-        coarse = self._warp(law.at, law.duration, cells, None)
+        cells = _cells(profile.duration, max(COARSE, COARSE_PER_PIECE * pieces))
+        coarse = self._round(profile.at, profile.duration, cells, None)
         keep = self._relevant(coarse.beta, USED)
         cells = _cells(coarse.duration, max(FINE, FINE_PER_PIECE * pieces, int(coarse.duration / LONGEST)))
-        return self._warp(coarse.progress, coarse.duration, cells, keep)
+        return self._round(coarse.progress, coarse.duration, cells, keep)
 
-    def _warp(
+    def _round(
         self, progress: Callable[[np.ndarray], np.ndarray], duration: float, cells: int, keep: list[np.ndarray] | None
-    ) -> Warp:
+    ) -> PathTiming:
         ramp = float(np.max(self._bounds.qdd / self._bounds.qddd))
         times = cell_times(progress, duration, cells, self._path.breaks, CLOSELY * min(1.0, SHORT_RAMP / ramp))
-        start, pace = start_law(progress, times)
+        start, squared_speed = initial_guess(progress, times)
         self._blocks = row_blocks(self._path, start, self._robot, self._bounds)
-        beta = self._slowed(start, pace)
+        beta = self._slowed(start, squared_speed)
         if keep is None:
-            return Warp(start, fastest_pace(self._blocks, start.cell, beta, ROUGHLY))
-        return Warp(start, fastest_pace(self._only(keep), start.cell, beta, CLOSE))
+            return PathTiming(start, minimise_duration(self._blocks, start.cell, beta, COARSE_GAP))
+        return PathTiming(start, minimise_duration(self._only(keep), start.cell, beta, GAP))
 
     def _relevant(self, beta: np.ndarray, least: float) -> list[np.ndarray]:
-        """Masks of the groups of each block whose largest squared share at a pace is above the least."""
+        """Masks of the groups of each block whose largest squared utilisation at a timing is above the least."""
         masks = [block.used(beta).max(axis=1) > least for block in self._blocks]
         masks[0][:2] = True  # speeds
         return masks
@@ -256,18 +256,18 @@ class _PaceSearch:
         return [block.kept(groups) for block, groups in zip(self._blocks, keep, strict=True) if np.any(groups)]
 
     def _slowed(self, start: InitialGuess, beta: np.ndarray) -> np.ndarray:
-        """A pace slowed down until it is within all limits."""
+        """Coefficients slowed down until they are within all limits."""
         slowest = beta / MAX_STRETCH**2
-        rest = room(self._blocks[:1], 1e-12 * beta)  # what gravity takes
-        enough = max(ROOM, 0.5 * (1.0 + rest))
-        while room(self._blocks, beta) > enough:
+        rest = peak_utilisation(self._blocks[:1], 1e-12 * beta)  # what gravity takes
+        enough = max(START_UTILISATION, 0.5 * (1.0 + rest))
+        while peak_utilisation(self._blocks, beta) > enough:
             beta = 0.8 * beta
             if beta[0] < slowest[0]:
-                raise RetimingError(self._hopeless(start, beta))
+                raise RetimingError(self._infeasible(start, beta))
         return beta
 
-    def _hopeless(self, start: InitialGuess, beta: np.ndarray) -> str:
-        """Which limit is broken at a pace so slow that no pace would do, and where."""
+    def _infeasible(self, start: InitialGuess, beta: np.ndarray) -> str:
+        """Name and place of the limit that is broken even at the slowest timing."""
         worst, name, cell = 0.0, "", 0
         for block, groups in zip(self._blocks, (AT_NODES, IN_CELLS), strict=True):
             used = block.used(beta)
@@ -275,35 +275,35 @@ class _PaceSearch:
             if used[group, point] > worst:
                 worst, name, cell = float(used[group, point]), _named(*groups[group]), int(point) % block.places
         s = float(start(np.array([(cell + 0.5) * start.cell]))[0])
-        return _no_law(name, float(np.sqrt(worst)), self._path.place(s))
+        return _no_timing(name, float(np.sqrt(worst)), self._path.place(s))
 
-    def near(self, warp: Warp) -> _Near:
-        """Where the rows at a warp come near the limits that take the rigid-body model.
+    def near(self, timing: PathTiming) -> _Near:
+        """Where the rows at a timing come near the limits that need the rigid-body model.
 
         The hand's speeds are left out: an arm may go at them all the way, and they change little between nodes.
         """
-        nodes, cells = (block.used(warp.beta) > NEAR for block in self._blocks)
+        nodes, cells = (block.used(timing.beta) > NEAR for block in self._blocks)
         masks = []
         for names in (("torque", "torque_rate"), ("hand_acceleration", "hand_angular", "hand_jerk")):
             at_node, in_cell = (
                 np.any(used[[name.startswith(names) for name, _ in groups]], axis=0)
                 for used, groups in ((nodes, AT_NODES), (cells, IN_CELLS))
             )
-            ends = at_node[:-1] | at_node[1:] | in_cell[: warp.start.cells] | in_cell[warp.start.cells :]
+            ends = at_node[:-1] | at_node[1:] | in_cell[: timing.start.cells] | in_cell[timing.start.cells :]
             masks.append(binary_dilation(ends))
         return _Near(masks[0], masks[1])
 
-    def tightened(self, warp: Warp, samples: "_Samples") -> Warp | None:
-        """The fastest warp with limits tightened where samples break them; None where that leaves no room."""
-        start = warp.start
+    def tightened(self, timing: PathTiming, samples: "_Samples") -> PathTiming | None:
+        """The fastest timing with limits tightened where samples break them; None where that leaves no room."""
+        start = timing.start
         cells = start.cells_at(samples.parameter)
         at_nodes, in_cells = samples.by_group()
-        blocks, keep = [], self._relevant(warp.beta, USED_AGAIN)
-        for block, shares, groups in zip(self._blocks, (at_nodes, in_cells), keep, strict=True):
-            groups |= shares.max(axis=0) > 1.0
-            wanted = OVERDONE * shares + np.clip(OVERSHOOT * (shares - 1.0), 0.0, MOST_OVERSHOOT)
-            factor = np.ones((start.cells, shares.shape[1]))
-            np.maximum.at(factor, cells, np.where(shares > 1.0, wanted, 1.0))
+        blocks, keep = [], self._relevant(timing.beta, USED_AGAIN)
+        for block, utilisation, groups in zip(self._blocks, (at_nodes, in_cells), keep, strict=True):
+            groups |= utilisation.max(axis=0) > 1.0
+            wanted = OVERDONE * utilisation + np.clip(OVERSHOOT * (utilisation - 1.0), 0.0, MOST_OVERSHOOT)
+            factor = np.ones((start.cells, utilisation.shape[1]))
+            np.maximum.at(factor, cells, np.where(utilisation > 1.0, wanted, 1.0))
             factor = maximum_filter1d(factor, 3, axis=0)
             if block is self._blocks[0]:  # a node belongs to the cells on either side
                 factor = np.maximum(np.concatenate([factor[:1], factor]), np.concatenate([factor, factor[-1:]]))
@@ -311,10 +311,10 @@ class _PaceSearch:
                 factor = np.concatenate([factor, factor])
             blocks.append(replace(block, tight=block.tight * factor.T**2))
         self._blocks = tuple(blocks)
-        kept, beta = self._only(keep), warp.beta
+        kept, beta = self._only(keep), timing.beta
         for _ in range(20):
-            if room(kept, beta) <= ROOM:
-                return Warp(start, fastest_pace(kept, start.cell, beta, CLOSE, TIGHTENED_CENTRE))
+            if peak_utilisation(kept, beta) <= START_UTILISATION:
+                return PathTiming(start, minimise_duration(kept, start.cell, beta, GAP, TIGHTENED_BARRIER))
             beta = 0.9 * beta
         return None
 
@@ -325,28 +325,28 @@ def _cells(duration: float, most: int) -> int:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Samples of a warp and what share of each limit they take.
+    """Samples of a timing and their utilisation of each limit.
 
     Attributes:
         q: Every millisecond in [rad], shape (n, 7), at rest in the first and in the last two.
-        parameter: Of the start law where the middle of each difference lies, in [s], shape (n + 2 PADDING,).
+        parameter: Of the initial guess where the middle of each difference lies, in [s], shape (n + 2 PADDING,).
         s: Progress along the path there, of the same shape.
-        shares: As `sampled_shares` gives them.
-        stretch: Of the warp, 1 = none.
+        utilisation: As `limit_utilisation` gives them.
+        stretch: Of the timing, 1 = none.
         all_seen: Whether the rigid-body model was asked for every sample.
     """
 
     q: np.ndarray
     parameter: np.ndarray
     s: np.ndarray
-    shares: dict[str, np.ndarray]
+    utilisation: dict[str, np.ndarray]
     stretch: float
     all_seen: bool
 
     @classmethod
     def of(
         cls,
-        warp: Warp,
+        timing: PathTiming,
         stretch: float,
         near: _Near | None,
         waypoints: np.ndarray,
@@ -354,9 +354,9 @@ class _Samples:
         robot: RobotModel,
         bounds: MotionBounds,
     ) -> "_Samples":
-        steps = int(np.ceil(warp.duration * stretch / SAMPLE_TIME))
-        parameter = warp.parameter(np.arange(steps + 1) * (SAMPLE_TIME / stretch))
-        s = warp.start(parameter)
+        steps = int(np.ceil(timing.duration * stretch / SAMPLE_TIME))
+        parameter = timing.parameter(np.arange(steps + 1) * (SAMPLE_TIME / stretch))
+        s = timing.start(parameter)
         q = path(s)
         q[0], q[-1] = waypoints[0], waypoints[-1]
         q = np.concatenate([q[:1], q, q[-1:]])  # one sample of rest makes the joins exact
@@ -364,14 +364,14 @@ class _Samples:
         rows = np.clip(np.arange(-PADDING, len(q) + PADDING) - 2, 0, steps)
         look = None
         if near is not None:
-            cells = warp.start.cells_at(parameter[rows])
+            cells = timing.start.cells_at(parameter[rows])
             look = near.torque[cells], near.hand[cells]
-        return cls(q, parameter[rows], s[rows], sampled_shares(q, robot, bounds, look), stretch, look is None)
+        return cls(q, parameter[rows], s[rows], limit_utilisation(q, robot, bounds, look), stretch, look is None)
 
     def by_group(self) -> tuple[np.ndarray, np.ndarray]:
-        """Shares in the order of `AT_NODES` and of `IN_CELLS`, each (n + 2 PADDING, groups)."""
-        x = self.shares
-        # A share of speed counts with the square, as the rows bound the square.
+        """Utilisation in the order of `AT_NODES` and of `IN_CELLS`, each (n + 2 PADDING, groups)."""
+        x = self.utilisation
+        # Utilisation of speed counts with the square, as the rows bound the square.
         joints = np.max(x["joint_velocity"], axis=1) ** 2
         hand = np.maximum(x["hand_speed"], x["hand_angular_speed"])[:, 0] ** 2
         nodes = ("joint_acceleration", "torque", "hand_acceleration", "hand_angular_acceleration")
@@ -381,13 +381,13 @@ class _Samples:
     @property
     def needed(self) -> float:
         """Uniform stretch that the samples seem to need; 1 or less where all limits are kept."""
-        return max(float(share.max()) ** (1.0 / ORDER[name]) for name, share in self.shares.items())
+        return max(float(used.max()) ** (1.0 / ORDER[name]) for name, used in self.utilisation.items())
 
     @property
     def worst(self) -> tuple[str, float, float]:
-        """The limit that asks for it, with its joint, the share of it, and the progress where that is."""
-        name = max(self.shares, key=lambda n: float(self.shares[n].max()) ** (1.0 / ORDER[n]))
-        share = self.shares[name]
-        row, joint = np.unravel_index(int(np.argmax(share)), share.shape)
-        label = _named(name, int(joint) if share.shape[1] > 1 else None)
-        return label, float(share[row, joint]), float(self.s[row])
+        """The limit that asks for it, with its joint, its utilisation, and the progress where that is."""
+        name = max(self.utilisation, key=lambda n: float(self.utilisation[n].max()) ** (1.0 / ORDER[n]))
+        used = self.utilisation[name]
+        row, joint = np.unravel_index(int(np.argmax(used)), used.shape)
+        label = _named(name, int(joint) if used.shape[1] > 1 else None)
+        return label, float(used[row, joint]), float(self.s[row])

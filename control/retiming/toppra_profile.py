@@ -1,4 +1,4 @@
-"""The fastest time law along a path under bounds on speed, acceleration and torque, by the library toppra.
+"""The TOPP-RA profile: the fastest timing of a path within bounds on speed, acceleration and torque, by toppra.
 
 Along a path q(s) everything bounded is linear in u = s'' and x = s'^2:
 
@@ -73,7 +73,7 @@ class ToppraProfile:
 
 
 def fastest_profile(bounds: PathBounds) -> ToppraProfile:
-    """The time-optimal law on the grid; see the module's description.
+    """The time-optimal profile on the grid; see the module's description.
 
     Raises:
         RetimingError: There is none, or the solver does not find it; the caller knows which segment it was for.
@@ -113,7 +113,7 @@ def fastest_profile(bounds: PathBounds) -> ToppraProfile:
     if speed is None or not np.all(np.isfinite(speed)):
         code = solver.problem_data.return_code.name
         raise RetimingError(
-            f"has no time law on {len(grid)} grid points ({code}); resting must be allowed everywhere, take "
+            f"has no TOPP-RA profile on {len(grid)} grid points ({code}); resting must be allowed everywhere, take "
             "another path or one with wider corners"
         )
     speed = speed * np.sqrt(top)

@@ -1,6 +1,6 @@
 """Simulating many candidate motions in the twin, from start to end.
 
-Every motion is played by the arm's position servos: quintic time laws between stops, velocity feedforward, the
+Every motion is played by the arm's position servos: quintic timings between stops, velocity feedforward, the
 gripper at its finite speed. `mujoco.batch` steps them; its results do not depend on the number of threads.
 """
 
@@ -51,7 +51,7 @@ class Commands:
 def commands_for(
     segments: Sequence[PathSegment], twin: TwinModel, limits: RobotLimits, step: float | None = None
 ) -> Commands:
-    """Play path segments with quintic time laws, each from rest to rest.
+    """Play path segments with quintic timings, each from rest to rest.
 
         s(u) = u^3 (10 - 15 u + 6 u^2),  largest speed 15/8 of the mean
 

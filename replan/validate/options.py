@@ -21,10 +21,10 @@ Joints = tuple[float, float, float, float, float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class RetimeOptions:
-    """Whether a motion gets a new time law first."""
+    """Whether a motion is retimed first."""
 
     retime: bool = False
-    """Put a new time law on the path first, and judge that."""
+    """Retime the path first, and judge the result."""
     fraction: float | None = None
     """With --retime: share of the published speeds and accelerations to use; default: what the cell allows."""
     tolerance_mrad: float = 4.0

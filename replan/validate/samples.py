@@ -1,4 +1,4 @@
-"""The samples that a validation judges: those of the file, or its path with a new time law."""
+"""The samples that a validation judges: those of the file, or its path with a new timing."""
 
 from collections.abc import Sequence
 from dataclasses import replace

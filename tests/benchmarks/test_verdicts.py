@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.judging.injected_faults import FAULTS
 from benchmarks.judging.verdicts import Judged, good_cases, lengthened, summary, table
-from benchmarks.motion.base_motions import Base, Case, plan_base, warped
+from benchmarks.motion.base_motions import Base, Case, plan_base, rescaled
 from benchmarks.motion.placed_obstacles import NAME, Wanted, least_gap, obstacle_below
 from control.safety.trajectory_checks import check_trajectory
 from control.trajectory.samples import SAMPLE_TIME
@@ -71,10 +71,10 @@ def test_an_obstacle_stands_as_near_as_is_wanted(gap):
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.3])
-def test_a_warped_segment_is_the_same_way_at_another_pace(factor):
+def test_a_rescaled_segment_is_the_same_path_at_another_speed(factor):
     whole = base().trajectory
     index = next(i for i, s in enumerate(whole.segments) if s.name == "carry")
-    segment, other = whole.segments[index], warped(whole, index, factor)
+    segment, other = whole.segments[index], rescaled(whole, index, factor)
     assert other.segments[index].stop - segment.start == pytest.approx((segment.stop - segment.start) / factor, abs=1)
     assert other.q[0] == pytest.approx(whole.q[0]) and other.q[-1] == pytest.approx(whole.q[-1])
     later = (len(other.q) - len(whole.q)) * SAMPLE_TIME

@@ -256,7 +256,7 @@ def test_a_limit_that_no_stretch_can_keep_is_named(robot):
     frozen = replace(LIMITS, taud=np.full(7, 1e-6))
     with pytest.raises(
         RetimingError,
-        match=r"segment 'reach' has no time law that keeps torque_rate of joint \d at waypoint \d \(\d+ % of .*\)",
+        match=r"segment 'reach' has no timing that keeps torque_rate of joint \d at waypoint \d \(\d+ % of .*\)",
     ):
         retime(single(np.array([REST, REST + 0.05])), robot, frozen, SAFETY)
 
@@ -307,9 +307,9 @@ def corner_bounds(parts: int) -> PathBounds:
     return PathBounds(grid, first, second, -wide, wide, 1.0 / np.max(np.abs(first) / LIMITS.qd, axis=1) ** 2)
 
 
-def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
+def test_the_toppra_profile_is_the_optimum_that_a_general_linear_programme_finds():
     bounds = corner_bounds(4)
-    law = fastest_profile(bounds)
+    profile = fastest_profile(bounds)
     # All grid points at once, in x alone: u of an interval is (x_next - x) / (2 delta), and its rows hold at both ends.
     n = len(bounds.s)
     identity = np.eye(n)
@@ -319,8 +319,8 @@ def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
         for end in (slice(None, -1), slice(1, None))
     ]
     matrix = np.concatenate(rows).reshape(-1, n) / np.tile(LIMITS.qdd, 2 * (n - 1))[:, None]
-    assert np.max(np.abs(matrix @ law.speed**2)) <= 1.0 + 1e-5
-    assert np.all(law.speed**2 <= bounds.cap * (1.0 + 1e-6))
+    assert np.max(np.abs(matrix @ profile.speed**2)) <= 1.0 + 1e-5
+    assert np.all(profile.speed**2 <= bounds.cap * (1.0 + 1e-6))
     rest = np.where(np.arange(n) % (n - 1) == 0, 0.0, bounds.cap)
     best = linprog(
         -np.ones(n),
@@ -330,8 +330,8 @@ def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
     )
     assert best.success
     speed = np.sqrt(np.maximum(best.x, 0.0))
-    assert law.duration == pytest.approx(np.sum(2.0 * np.diff(bounds.s) / (speed[1:] + speed[:-1])), rel=1e-3)
-    assert np.count_nonzero(np.abs(matrix @ law.speed**2) > 0.999) > n / 4  # it is rows that bind
+    assert profile.duration == pytest.approx(np.sum(2.0 * np.diff(bounds.s) / (speed[1:] + speed[:-1])), rel=1e-3)
+    assert np.count_nonzero(np.abs(matrix @ profile.speed**2) > 0.999) > n / 4  # it is rows that bind
 
 
 @pytest.mark.parametrize("length", [1e-7, 1.0, 1e4])
@@ -339,25 +339,27 @@ def test_the_time_law_is_the_optimum_that_a_general_linear_programme_finds():
 def test_a_straight_move_takes_the_time_of_the_textbook_at_any_size(length, acceleration):
     s = np.linspace(0.0, length, 201)
     one, top = np.ones((201, 1)), np.sqrt(0.4 * length * acceleration)  # reached after a fifth of the way
-    law = fastest_profile(PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, top**2 * one[:, 0]))
-    assert law.duration == pytest.approx(length / top + top / acceleration, rel=1e-5)
+    profile = fastest_profile(
+        PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, top**2 * one[:, 0])
+    )
+    assert profile.duration == pytest.approx(length / top + top / acceleration, rel=1e-5)
     free = PathBounds(s, one, 0.0 * one, -acceleration * one, acceleration * one, np.full(201, LARGE_SPEED))
     if length * acceleration < LARGE_SPEED:
         assert fastest_profile(free).duration == pytest.approx(2.0 * np.sqrt(length / acceleration), rel=1e-5)
 
 
-def test_where_resting_is_not_allowed_there_is_no_time_law():
+def test_where_resting_is_not_allowed_there_is_no_timing():
     bounds = corner_bounds(1)
-    with pytest.raises(RetimingError, match=r"has no time law on \d+ grid points \(FailUncontrollable\); r"):
+    with pytest.raises(RetimingError, match=r"has no TOPP-RA profile on \d+ grid points \(FailUncontrollable\); r"):
         fastest_profile(replace(bounds, low=bounds.low + 2.0 * LIMITS.qdd, high=bounds.high + 3.0 * LIMITS.qdd))
 
 
-def test_a_segment_without_a_time_law_is_named(robot, monkeypatch):
+def test_a_segment_without_a_timing_is_named(robot, monkeypatch):
     def refuse(bounds: PathBounds) -> None:
-        raise RetimingError(f"has no time law on {len(bounds.s)} grid points")
+        raise RetimingError(f"has no TOPP-RA profile on {len(bounds.s)} grid points")
 
     monkeypatch.setattr(path_dynamics, "fastest_profile", refuse)
-    with pytest.raises(RetimingError, match=r"segment 'reach' has no time law on \d+ grid points"):
+    with pytest.raises(RetimingError, match=r"segment 'reach' has no TOPP-RA profile on \d+ grid points"):
         retime(single(np.array([REST, REST + 0.1])), robot, LIMITS, SAFETY)
 
 
