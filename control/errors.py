@@ -6,7 +6,7 @@ StackError
 ├── GoalError              a goal that cannot be understood or is empty
 ├── RewardSpecError        a reward program or spec that breaks the vocabulary
 │   ├── UnknownObjectError a name that the scene does not have
-│   └── ContradictionError two terms of a spec that cannot hold together
+│   └── TermConflictError  two terms of a spec that cannot hold together
 ├── TrajectoryError        a trajectory that is malformed or breaks a limit
 │   ├── RetimingError      a path for which no timing within the limits was found
 │   └── MotionFileError    a motion file that cannot be read as one
@@ -44,7 +44,7 @@ class UnknownObjectError(RewardSpecError):
     """A name that the scene does not have."""
 
 
-class ContradictionError(RewardSpecError):
+class TermConflictError(RewardSpecError):
     """Two terms of a spec that cannot hold together."""
 
 

@@ -76,7 +76,7 @@ def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_wid
     """Reach, take hold, drive, let go and leave.
 
     Args:
-        drive: What follows the transit.
+        drive: What follows the free path.
         joint: Name of the joint.
         reach: To the pre-grasp, shape (n, 7).
         gripper_width: Distance between the pads at the start in [m].

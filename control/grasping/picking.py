@@ -222,7 +222,7 @@ def _ready(
     lift = np.vstack([q[None], ways.upwards[i]])
     if not context.filter.clear(lift[-1], Phase.CARRY, grasp.width, held):
         return None
-    if not near.path_clear(lift, Phase.EXTRACT, grasp.width, held):
+    if not near.path_clear(lift, Phase.RETREAT, grasp.width, held):
         return None
     return ReadyGrasp(grasp, q, np.vstack([outwards[::-1], q[None]]), lift, held, opening, grasp.width)
 

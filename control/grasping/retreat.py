@@ -2,7 +2,7 @@
 
 Most things are lifted. What something keeps from rising, such as a bar behind two handles, is moved out sideways; what
 stands in furniture leaves through the opening. The object may stay as close to its surroundings as it is at the start
-(`Phase.EXTRACT`); it is out where it keeps the distance of a carried object (`Phase.CARRY`).
+(`Phase.RETREAT`); it is out where it keeps the distance of a carried object (`Phase.CARRY`).
 """
 
 from dataclasses import dataclass
@@ -109,7 +109,7 @@ def _sideways(context: PlanningContext, pose: np.ndarray, direction: np.ndarray)
     last = LAST * _inwards(context, pose)
     for length in np.arange(0.0, LONGEST + STEP / 2, STEP):
         out[:3, 3] = pose[:3, 3] + rise + length * direction
-        if not context.filter.object_clear(out, Phase.EXTRACT):
+        if not context.filter.object_clear(out, Phase.RETREAT):
             return None
         if not context.filter.object_clear(out, Phase.CARRY):
             free_since = None
@@ -126,7 +126,7 @@ def _sideways(context: PlanningContext, pose: np.ndarray, direction: np.ndarray)
 def _goes(context: PlanningContext, poses: np.ndarray) -> bool:
     """Whether the object can be moved through poses (n, 4, 4) and is free at the last."""
     return context.filter.object_clear(poses[-1], Phase.CARRY) and all(
-        context.filter.object_clear(p, Phase.EXTRACT) for p in poses[:-1]
+        context.filter.object_clear(p, Phase.RETREAT) for p in poses[:-1]
     )
 
 

@@ -42,7 +42,7 @@ class Phase(IntEnum):
     CARRY = 2  # the object moves with the hand, away from everything
     CONTACT = 3  # the object moves with the hand and may touch what carries it
     DRIVE = 4  # fingers at the handle of a joint, which moves with the hand
-    EXTRACT = 5  # the object moves with the hand, out of what is close to it where it stands
+    RETREAT = 5  # the object moves with the hand, out of what is close to it where it stands
 
 
 class _Kind(IntEnum):
@@ -226,10 +226,10 @@ class CollisionFilter:
         What the object stands in counts on its way out alone, unless the hand has it already.
         """
         self._place(twin.q, twin.gripper_width, None)
-        for phase in (Phase.FREE, Phase.CARRY, Phase.EXTRACT):
+        for phase in (Phase.FREE, Phase.CARRY, Phase.RETREAT):
             pairs, own = self._by_phase[phase], self._object_alone[phase]
             for i in pairs.near(self._data):
-                if phase != Phase.EXTRACT and own[i] and twin.held is None:
+                if phase != Phase.RETREAT and own[i] and twin.held is None:
                     continue
                 pairs.limit[i] = min(pairs.limit[i], self._distance(pairs, i) - SELF_TOLERANCE)
 
@@ -413,7 +413,7 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
             t[_Kind.ARM, _Kind.OBJECT], t[_Kind.FINGER, _Kind.OBJECT] = arm, finger
         else:
             t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED if phase == Phase.GRASP else 0.0
-        if phase in (Phase.CARRY, Phase.CONTACT, Phase.EXTRACT):
+        if phase in (Phase.CARRY, Phase.CONTACT, Phase.RETREAT):
             t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
             t[_Kind.OBJECT, _Kind.SUPPORT] = -PRESSED if phase == Phase.CONTACT else held
         # A panel keeps off the hand in every phase; while it is driven, it and its handle keep off the world as well.

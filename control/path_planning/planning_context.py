@@ -9,7 +9,7 @@ import numpy as np
 
 from control.errors import ConfigError
 from control.path_planning.collision_filter import NEAR_MARGIN, CollisionFilter, ObjectAt, Phase, body_name
-from control.path_planning.rrt_connect import rrt_connect, transit
+from control.path_planning.rrt_connect import free_path, rrt_connect
 from control.robot.kinematics import ArmKinematics, default_seeds
 from control.robot.limits import REST_Q, RobotLimits
 from control.safety.limits import SafetyLimits
@@ -34,7 +34,7 @@ class PlanningContext:
         objects: The twin's objects at the start.
         supports: Names of what the subject stands on at the start.
         filter: Knows which configurations are free.
-        vias: Waypoints for transits.
+        vias: Waypoints for free paths.
         rest_palm: Tool centre point in the rest configuration in [m], shape (3,).
         counts: Candidates by stage.
         driven_to: Fraction of its range to which the subject, a joint, can be driven where the goal is out of reach;
@@ -177,7 +177,7 @@ class PlanningContext:
             return self.filter.clear(q, phase, width, object_at)
 
         self.counts["transits"] += 1
-        path = transit(start, end, clear, self.vias)
+        path = free_path(start, end, clear, self.vias)
         if path is None and planner:
             self.counts["transits_planned"] += 1
             path = rrt_connect(start, end, clear, self.limits, self.rng)
@@ -221,7 +221,7 @@ def path_length(path: np.ndarray) -> float:
 
 
 def _vias(limits: RobotLimits, rng: np.random.Generator) -> list[np.ndarray]:
-    """Waypoints for transits: rest, rest drawn back, rest turned to either side, and two at random."""
+    """Waypoints for free paths: rest, rest drawn back, rest turned to either side, and two at random."""
     rest = np.array(REST_Q)
     back, left, right = rest.copy(), rest.copy(), rest.copy()
     back[[1, 3]] = -1.2, -2.5

@@ -38,7 +38,7 @@ def all_clear(path: np.ndarray, clear: Clear) -> bool:
     return all(clear(path[i]) for i in seen)
 
 
-def transit(start: np.ndarray, end: np.ndarray, clear: Clear, vias: Sequence[np.ndarray]) -> np.ndarray | None:
+def free_path(start: np.ndarray, end: np.ndarray, clear: Clear, vias: Sequence[np.ndarray]) -> np.ndarray | None:
     """The straight way, else the first free one through a waypoint; None when all are obstructed.
 
     Args:

@@ -1,4 +1,4 @@
-"""Motions that might do a subtask: grasps, places and transits, each filtered on its own, then joined.
+"""Motions that might do a subtask: grasps, places and free paths, each filtered on its own, then joined.
 
 A candidate is a complete joint path with gripper commands from where the arm is to its end. All of it has passed the
 geometric filter; nothing has been simulated. Candidates come one by one, promising ones first, so that a search can

@@ -67,7 +67,7 @@ def plan_motion(
         `unsafe` (motions reach the goal, but break a check).
 
     Raises:
-        RewardSpecError: Two terms exclude each other.
+        RewardSpecError: Two terms conflict.
     """
     refuse_term_conflicts(spec, twin)
     arm = kinematics or ArmKinematics.from_urdf(gripper=twin.gripper)

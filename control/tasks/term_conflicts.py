@@ -10,7 +10,7 @@ they are held at different times and exclude nothing.
 
 from itertools import combinations
 
-from control.errors import ContradictionError
+from control.errors import TermConflictError
 from control.tasks.reward_spec import PALM, RewardSpec
 from control.tasks.subtasks import posed_objects
 from control.tasks.terms.views import Layout
@@ -25,7 +25,7 @@ def refuse_term_conflicts(spec: RewardSpec, twin: TwinModel | None = None) -> No
         twin: For sizes and places; without it only what the terms alone say is found.
 
     Raises:
-        ContradictionError: Two terms exclude each other; the message names both and says why.
+        TermConflictError: Two terms conflict; the message names both and says why.
     """
     layout = Layout({}, None) if twin is None else Layout(posed_objects(twin, twin.start()), twin.support_height)
     about_palm = PALM in (spec.primary.subject, spec.primary.target)
@@ -33,7 +33,7 @@ def refuse_term_conflicts(spec: RewardSpec, twin: TwinModel | None = None) -> No
     for a, b in combinations(lasting, 2):
         why = a.definition.excludes(a, b, layout) or b.definition.excludes(b, a, layout)
         if why:
-            raise ContradictionError(
+            raise TermConflictError(
                 f"{a.text} and {b.text} cannot both be met: {why}; leave one of them out, or ask for one after the "
                 "other"
             )

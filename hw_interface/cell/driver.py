@@ -24,7 +24,7 @@ class Driver(RobotStateMachine[PlayedMotion]):
 
     Args:
         backend: The robot.
-        gate, cell, supervision, clock: As for `RobotStateMachine`.
+        gate, cell, monitor_limits, clock: As for `RobotStateMachine`.
     """
 
     def __init__(
@@ -32,20 +32,20 @@ class Driver(RobotStateMachine[PlayedMotion]):
         backend: RobotBackend,
         gate: Gate,
         cell: str,
-        supervision: MonitorLimits | None = None,
+        monitor_limits: MonitorLimits | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         measured = backend.read()
-        super().__init__(gate, cell, measured, measured.q, supervision, clock)
+        super().__init__(gate, cell, measured, measured.q, monitor_limits, clock)
         self._backend = backend
         self._at_rest = np.zeros_like(self._q_d)
 
     def tick(self) -> None:
-        """One millisecond of robot time: measure, supervise, command. Never raises."""
+        """One millisecond of robot time: measure, monitor, command. Never raises."""
         try:
             self._measured = self._backend.read()
             self._tracking_error = float(np.abs(self._measured.q - self._q_d).max())
-            trouble = self._supervise()
+            trouble = self._monitored()
             self._faults.pop("measuring", None)
         except Exception as error:
             self._log_fault("measuring", error)
@@ -62,15 +62,15 @@ class Driver(RobotStateMachine[PlayedMotion]):
             self._hold(internal_trouble(error))
 
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> PlayedMotion:
-        return PlayedMotion(trajectory, certificate.serial, speed, self.gate, self._supervision, self._clock())
+        return PlayedMotion(trajectory, certificate.serial, speed, self.gate, self._monitor_limits, self._clock())
 
     def _bring_to_rest(self, motion: PlayedMotion) -> None:
         motion.stop(self.gate.robot_limits)
 
-    def _supervise(self) -> Trouble | None:
+    def _monitored(self) -> Trouble | None:
         if self._motion is None:
             return None
-        return self._motion.supervise(self._q_d, self._measured, self._tracking_error)
+        return self._motion.check(self._q_d, self._measured, self._tracking_error)
 
     def _next(self) -> tuple[np.ndarray, np.ndarray]:
         """The next joint position and velocity to command; finishes the motion after its last one."""

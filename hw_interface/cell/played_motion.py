@@ -22,14 +22,14 @@ from hw_interface.messages.robot import Mode, Trouble
 class PlayedMotion:
     """A certified trajectory on its way through a driver.
 
-    Whatever the speed, its progress, gripper events and what the supervisor expects count the trajectory's samples.
+    Whatever the speed, its progress, gripper events and what the monitor expects count the trajectory's samples.
 
     Args:
         trajectory: What the gate has let pass.
         serial: Of its certificate.
         speed: Share of its own speed to play it at.
         gate: Limits to hold that against.
-        supervision: Where to stop.
+        monitor_limits: Where to stop.
         started: Time on the robot's clock in [s].
 
     Attributes:
@@ -46,7 +46,7 @@ class PlayedMotion:
         serial: str,
         speed: float,
         gate: Gate,
-        supervision: MonitorLimits,
+        monitor_limits: MonitorLimits,
         started: float,
     ) -> None:
         with refusing_plan("too_slow"):
@@ -59,7 +59,7 @@ class PlayedMotion:
         self.stopping = False
         self.stop_mode: Mode = "stopped"
         self.trouble: Trouble | None = None
-        self._supervisor = MotionMonitor(trajectory, supervision)
+        self._monitor = MotionMonitor(trajectory, monitor_limits)
         self._record = MotionRecord(serial, self.samples, started)
         self._events = list(trajectory.gripper)  # to be given
         self._row = 0  # of the playback, next to command
@@ -79,7 +79,7 @@ class PlayedMotion:
         """Share of the trajectory's own speed that was commanded last."""
         return float(self._playback.clock[self._last, RATE]) if self._row > 0 else 0.0
 
-    def supervise(self, q_d: np.ndarray, measured: Measured, tracking_error: float) -> Trouble | None:
+    def check(self, q_d: np.ndarray, measured: Measured, tracking_error: float) -> Trouble | None:
         """Write down what is measured; why to stop now, or None.
 
         Args:
@@ -91,12 +91,12 @@ class PlayedMotion:
         # While stopping the arm already does what trouble would make it do.
         if self.stopping:
             return None
-        return self._supervisor.check(self._playback.sample(self._row), measured, tracking_error)
+        return self._monitor.check(self._playback.sample(self._row), measured, tracking_error)
 
     def next_command(self) -> tuple[np.ndarray, np.ndarray, GripperCommand | None] | None:
         """Joint positions in [rad], velocities in [rad/s] and gripper command of this millisecond; None at the end."""
         playback, row = self._playback, self._row
-        if self._supervisor.waiting and not self.stopping:
+        if self._monitor.waiting and not self.stopping:
             return playback.q[self._last], np.zeros_like(playback.qd[self._last]), None
         if row >= len(playback.q):
             return None

@@ -73,7 +73,7 @@ class RobotStateMachine(ABC, Generic[M]):
         cell: Name of the cell, for the state messages.
         measured: What the robot measures now.
         q_d: Joint positions that it is commanded to hold in [rad], shape (7,).
-        supervision: Where it stops by itself.
+        monitor_limits: Where it stops by itself.
         clock: Wall clock in [s].
     """
 
@@ -83,13 +83,13 @@ class RobotStateMachine(ABC, Generic[M]):
         cell: str,
         measured: Measured,
         q_d: np.ndarray,
-        supervision: MonitorLimits | None,
+        monitor_limits: MonitorLimits | None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.epoch = uuid.uuid4().hex
         self.cell = cell
         self.gate = gate
-        self._supervision = supervision or MonitorLimits()
+        self._monitor_limits = monitor_limits or MonitorLimits()
         self._clock = clock
         self._begun = clock()
         self._measured = measured
@@ -122,7 +122,7 @@ class RobotStateMachine(ABC, Generic[M]):
 
     @abstractmethod
     def tick(self) -> None:
-        """One turn of the loop: measure, supervise, command. Never raises."""
+        """One turn of the loop: measure, monitor, command. Never raises."""
 
     @abstractmethod
     def _make_motion(self, trajectory: Trajectory, certificate: Certificate, speed: float) -> M:

@@ -40,7 +40,7 @@ class ClearedMotion:
     """A certified trajectory on its way through a player, part by part.
 
     Args:
-        trajectory, serial, speed, gate, supervision, started: As for `hw_interface.cell.played_motion.PlayedMotion`.
+        trajectory, serial, speed, gate, monitor_limits, started: As for `hw_interface.cell.played_motion.PlayedMotion`.
         number: Ordinal number of the motion, from 1.
         thinker: Where changes of speed are computed, so that clearances go on meanwhile.
         give_up: Rows before a change of speed would begin at which one that is not worked out yet is given up.
@@ -59,7 +59,7 @@ class ClearedMotion:
         serial: str,
         speed: float,
         gate: Gate,
-        supervision: MonitorLimits,
+        monitor_limits: MonitorLimits,
         started: float,
         number: int,
         thinker: ThreadPoolExecutor,
@@ -79,7 +79,7 @@ class ClearedMotion:
         self.part = 0
         self._gate = gate
         self._limits = gate.robot_limits
-        self._supervisor = MotionMonitor(trajectory, supervision)
+        self._monitor = MotionMonitor(trajectory, monitor_limits)
         self._record = MotionRecord(serial, self.samples, started)
         self._moving_events = list(moving_events(trajectory, self.parts))
         self._row = 0  # commanded last
@@ -142,7 +142,7 @@ class ClearedMotion:
         self._record.observe(q_d, measured, tracking_error, self.speed)
         if self.stopping:
             return None
-        return self._supervisor.check(self._playback.sample(self._row), measured, tracking_error)
+        return self._monitor.check(self._playback.sample(self._row), measured, tracking_error)
 
     def due_events(self) -> list[GripperCommand]:
         """Gripper commands that have come due while the arm moves; each is given once."""
@@ -159,12 +159,12 @@ class ClearedMotion:
         event = self.current.gripper
         assert event is not None
         sample = self.current.stop + min(elapsed, round(event.dwell / SAMPLE_TIME))
-        return self._supervisor.check(sample, measured, tracking_error)
+        return self._monitor.check(sample, measured, tracking_error)
 
     @property
     def waiting(self) -> bool:
         """Whether the gripper needs longer than its dwell."""
-        return self._supervisor.waiting
+        return self._monitor.waiting
 
     # --- what is cleared ----------------------------------------------------------------------------------------
 

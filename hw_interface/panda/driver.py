@@ -51,7 +51,7 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
     Args:
         start_player: Starts the player's process, connected to the control box.
         hand: The gripper.
-        gate, cell, supervision, clock: As for `RobotStateMachine`.
+        gate, cell, monitor_limits, clock: As for `RobotStateMachine`.
         time_waits: Whether robot time stands still while this process computes (a simulated box in lockstep).
 
     Raises:
@@ -64,7 +64,7 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
         hand: Hand,
         gate: Gate,
         cell: str,
-        supervision: MonitorLimits | None = None,
+        monitor_limits: MonitorLimits | None = None,
         clock: Callable[[], float] = time.time,
         time_waits: bool = False,
     ) -> None:
@@ -79,7 +79,7 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
             self._player.close()
             raise
         row = self._latest_row()
-        super().__init__(gate, cell, self._as_measured(row), row["q_d"], supervision, clock)
+        super().__init__(gate, cell, self._as_measured(row), row["q_d"], monitor_limits, clock)
         self._phase: Phase = "resting"
         self._posted = 0  # sequence number of the last clearance
         self._gripped_at = 0  # measurement at which the present gripper command was given
@@ -94,7 +94,7 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
         return ROBOT_MODES[self._robot_mode] if 0 <= self._robot_mode < len(ROBOT_MODES) else "unknown"
 
     def tick(self) -> None:
-        """Look at what was measured, supervise, and clear what comes next. Never raises."""
+        """Look at what was measured, monitor, and clear what comes next. Never raises."""
         try:
             trouble = self._look()
             self._faults.pop("looking", None)
@@ -276,7 +276,7 @@ class PandaDriver(RobotStateMachine[ClearedMotion]):
             certificate.serial,
             speed,
             self.gate,
-            self._supervision,
+            self._monitor_limits,
             self._clock(),
             self._motions,
             self._thinker,

@@ -320,7 +320,7 @@ def spec_of(skill: Fact, away: Distances) -> RewardSpec | None:
     """The reward spec of a skill; None for a look.
 
     Args:
-        skill: Of an action, or of a wish.
+        skill: Of an action, or of a clause.
         away: How far "away" is from each thing.
     """
     match skill:

@@ -46,8 +46,8 @@ def run_pddl(context: RunContext, solver_seconds: float = SOLVER_SECONDS) -> Goa
     facts = read_told(context.told, furniture, trial.targets.names)
     first = trial.targets.look()
     try:
-        wishes = read_symbolic_goals(goal, first, furniture, facts)
-        symbols = symbolic_problem(first, furniture, wishes.told, wishes.facts)
+        goals = read_symbolic_goals(goal, first, furniture, facts)
+        symbols = symbolic_problem(first, furniture, goals.told, goals.facts)
         actions = _plan(symbols, context.log, context.keep, solver_seconds) if symbols.goal else ()
     except (GoalError, UnplannableError, NoPlanError) as error:
         return trial.result(False, str(error), first)
@@ -63,28 +63,28 @@ def run_pddl(context: RunContext, solver_seconds: float = SOLVER_SECONDS) -> Goa
         cause, scene, text = trial.motion(sentence(action), spec, scene)
         if cause is not None:
             return trial.result(False, f"'{sentence(action)}' failed: {text}", scene)
-    return judged_goal(trial, wishes, scene, first)
+    return judged_goal(trial, goals, scene, first)
 
 
-def judged_goal(trial: Trial, wishes: SymbolicGoals, scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
+def judged_goal(trial: Trial, goals: SymbolicGoals, scene: SceneEstimate, first: SceneEstimate) -> GoalResult:
     """The end of a symbolic plan that was carried out: what of the goal is seen to hold.
 
     Args:
         trial: The run.
-        wishes: Of the goal.
+        goals: Symbolic goals of the run's goal.
         scene: What is seen now.
         first: What was seen at first.
     """
     seen: list[str] = []
     failed: list[tuple[FailureCause, str]] = []
-    for term in (t for w in wishes.lasting for t in w.terms):
+    for term in (t for g in goals.lasting for t in g.terms):
         cause, text = trial.judged(term, scene, first)
         seen.append(text)
         if cause is not None:
             failed.append((cause, text))
     if failed:
         return trial.result(False, "; ".join(text for _, text in failed), scene, [cause for cause, _ in failed])
-    return trial.result(True, "; ".join(seen or [w.text for w in wishes.all]), scene)
+    return trial.result(True, "; ".join(seen or [g.text for g in goals.all]), scene)
 
 
 def _plan(symbols: SymbolicProblem, log: Log, keep: Callable[[str, str], None], seconds: float) -> tuple[Action, ...]:

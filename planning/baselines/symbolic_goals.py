@@ -53,24 +53,24 @@ class SymbolicGoals:
 
     @property
     def lasting(self) -> tuple[SymbolicGoal, ...]:
-        """SymbolicGoals that no later one about the same thing replaces."""
+        """Symbolic goals that no later one about the same thing replaces."""
         last: dict[str, SymbolicGoal] = {}
-        for wish in self.all:
-            if wish.facts:
-                last.pop(wish.facts[0][1], None)
-                last[wish.facts[0][1]] = wish
+        for symbolic in self.all:
+            if symbolic.facts:
+                last.pop(symbolic.facts[0][1], None)
+                last[symbolic.facts[0][1]] = symbolic
         return tuple(last.values())
 
     @property
     def facts(self) -> State:
         """All that shall be true at the end."""
-        return frozenset(f for w in self.lasting for f in w.facts)
+        return frozenset(f for g in self.lasting for f in g.facts)
 
 
 def read_symbolic_goals(
     goal: str, scene: SceneEstimate, furniture: Mapping[str, KnownFurniture], told: Told | None = None
 ) -> SymbolicGoals:
-    """The wishes of a goal in the small language of goals.
+    """The symbolic goals of a goal text in the small goal language.
 
     Args:
         goal: In plain language.
@@ -80,17 +80,19 @@ def read_symbolic_goals(
 
     Raises:
         GoalError: The goal is empty or not of that language.
-        UnplannableError: A name that is not in view or not unique, or a wish that no symbol stands for.
+        UnplannableError: A name that is not in view or not unique, or a clause that no symbol stands for.
     """
     told = told or Told()
     situation = Situation(scene.names, read_facts(describe(scene, furniture)))
     away = distances(scene, furniture)
     parsed = parse_goal(goal)
-    wishes = tuple(
-        _wish(meant, scene, furniture, situation, away) for c in parsed.clauses for meant in _meant(c, situation, scene)
+    symbolic_goals = tuple(
+        _symbolic_goal(meant, scene, furniture, situation, away)
+        for c in parsed.clauses
+        for meant in _meant(c, situation, scene)
     )
     locks = tuple(lock for hint in parsed.hints for lock in _locks(hint, situation, scene, furniture))
-    return SymbolicGoals(wishes, replace(told, locks=(*told.locks, *locks)))
+    return SymbolicGoals(symbolic_goals, replace(told, locks=(*told.locks, *locks)))
 
 
 def _meant(clause: Clause, situation: Situation, scene: SceneEstimate) -> list[Clause]:
@@ -127,7 +129,7 @@ def _locks(
     return [(door, k) for door in doors for k in keys]
 
 
-def _wish(
+def _symbolic_goal(
     clause: Clause,
     scene: SceneEstimate,
     furniture: Mapping[str, KnownFurniture],

@@ -58,10 +58,10 @@ def run_task_and_motion(context: RunContext, max_checks: int = MAX_CHECKS) -> Go
     facts = read_told(context.told, furniture, trial.targets.names)
     first = trial.targets.look()
     try:
-        wishes = read_symbolic_goals(context.goal, first, furniture, facts)
+        goals = read_symbolic_goals(context.goal, first, furniture, facts)
     except (GoalError, UnplannableError) as error:
         return trial.result(False, str(error), first)
-    problem = symbolic_problem(first, furniture, wishes.told, wishes.facts)
+    problem = symbolic_problem(first, furniture, goals.told, goals.facts)
     owners = {j.name: f.name for f in furniture.values() for j in f.joints}
     search = _Search(problem, owners, distances(first, furniture), executor, context.log, context.say)
     found = search.run(first, max_checks)
@@ -76,7 +76,7 @@ def run_task_and_motion(context: RunContext, max_checks: int = MAX_CHECKS) -> Go
         trial.done(sentence(action), cause)
         if cause is not None:
             return trial.result(False, f"'{sentence(action)}' failed: {cause.message}", trial.targets.look())
-    return judged_goal(trial, wishes, trial.targets.look() if found.actions else first, first)
+    return judged_goal(trial, goals, trial.targets.look() if found.actions else first, first)
 
 
 def _played(executor: RehearsingExecutor, rehearsal: Rehearsal, subject: str) -> FailureCause | None:

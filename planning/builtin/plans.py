@@ -40,16 +40,16 @@ def make_plan(fields: Mapping[str, Any]) -> str:
     situation = Situation.of(fields)
     try:
         goal = parse_goal(fields["goal"])
-        wishes = [meant for clause in _without_lifts(goal.clauses) for meant in situation.meant(clause)]
+        clauses = [meant for clause in _without_lifts(goal.clauses) for meant in situation.meant(clause)]
         rules = _Rules(situation, _hints(goal, situation))
-        steps = rules.plan(wishes)
+        steps = rules.plan(clauses)
     except (GoalError, NameProblem) as error:
         return _plan_text(str(error), ())
     for step in steps:
         if situation.hopeless(step):
             reason = situation.failures(step)[-1].reason
             return _plan_text(f"'{step}' failed {SAME_FAILURES} times alike. {reason}", ())
-    return _plan_text(_thought(situation, wishes, steps), steps)
+    return _plan_text(_thought(situation, clauses, steps), steps)
 
 
 def _without_lifts(clauses: Sequence[Clause]) -> list[Clause]:
@@ -66,8 +66,8 @@ def _hints(goal: Goal, situation: Situation) -> list[Hint]:
     return [Hint(h.what, situation.meant(h.clause)[0]) for h in goal.hints]
 
 
-def _thought(situation: Situation, wishes: Sequence[Clause], steps: Sequence[str]) -> str:
-    wanted = {c.as_text() for c in wishes}
+def _thought(situation: Situation, clauses: Sequence[Clause], steps: Sequence[str]) -> str:
+    wanted = {c.as_text() for c in clauses}
     first = next((s for s in steps if s not in wanted), None)
     if situation.attempts:
         why = situation.attempts[-1].reason.rstrip(". ").split(". ")[-1]
@@ -81,7 +81,7 @@ def _plan_text(thought: str, steps: Sequence[str]) -> str:
 
 
 class _Rules:
-    """Steps for wishes in one situation.
+    """Steps for the clauses of a goal in one situation.
 
     Args:
         situation: What is known.
@@ -93,39 +93,39 @@ class _Rules:
         self._facts = situation.facts
         self._hints = hints
 
-    def plan(self, wishes: Sequence[Clause]) -> list[str]:
-        """Steps for all wishes that are still open; where none is, a look that confirms it.
+    def plan(self, clauses: Sequence[Clause]) -> list[str]:
+        """Steps for all clauses that are still open; where none is, a look that confirms it.
 
         Raises:
-            NothingLeft: A wish cannot be led to by any rule.
+            NothingLeft: No rule leads to one of the clauses.
         """
         done, remaining = Counter(self._now.finished), []
-        for wish in wishes:
-            if done[wish.as_text()]:
-                done[wish.as_text()] -= 1
-            elif not self._holds(wish):
-                remaining.append(wish)
+        for clause in clauses:
+            if done[clause.as_text()]:
+                done[clause.as_text()] -= 1
+            elif not self._holds(clause):
+                remaining.append(clause)
         if not remaining:
             # Everything was done or held from the start, and yet a plan is asked for: look, or do the last thing again.
-            if all(self._holds(w) for w in wishes):
-                return [_as_check(w) for w in wishes]
-            remaining = list(wishes)
+            if all(self._holds(c) for c in clauses):
+                return [_as_check(c) for c in clauses]
+            remaining = list(clauses)
         steps: list[str] = []
-        wanted = {w.as_text() for w in wishes}
-        for wish in remaining:
-            steps += [s for s in self._steps(wish, ()) if s in wanted or s not in steps]
+        wanted = {c.as_text() for c in clauses}
+        for clause in remaining:
+            steps += [s for s in self._steps(clause, ()) if s in wanted or s not in steps]
         return steps
 
-    def _holds(self, wish: Clause) -> bool:
-        """Whether a wish is seen to be true without having been worked for."""
-        joint = self._facts.joints.get(wish.subject)
-        if wish.kind in ("open", "pull"):
+    def _holds(self, clause: Clause) -> bool:
+        """Whether a clause is seen to hold already."""
+        joint = self._facts.joints.get(clause.subject)
+        if clause.kind in ("open", "pull"):
             return joint is not None and joint.at_end
-        if wish.kind == "close":
+        if clause.kind == "close":
             return joint is not None and joint.at_start
-        if wish.kind == "place":
-            return wish.subject in self._facts.on_or_in(str(wish.target))
-        return wish.kind == "clear" and not self._facts.on_or_in(wish.subject)
+        if clause.kind == "place":
+            return clause.subject in self._facts.on_or_in(str(clause.target))
+        return clause.kind == "clear" and not self._facts.on_or_in(clause.subject)
 
     def _steps(self, clause: Clause, above: tuple[str, ...]) -> list[str]:
         """A clause's step with everything that has to come before it.
@@ -354,13 +354,13 @@ class _Rules:
         return found
 
 
-def _as_check(wish: Clause) -> str:
-    """A look that confirms a wish."""
-    if wish.kind == "place":
-        how = "in" if wish.preposition.startswith("in") else "on"
-        return Clause("check", wish.subject, wish.target, how).as_text()
-    if wish.kind in ("open", "pull"):
-        return Clause("check", wish.subject, None, "open").as_text()
-    if wish.kind == "close":
-        return Clause("check", wish.subject, None, "closed").as_text()
-    return Clause("find", wish.subject).as_text()
+def _as_check(clause: Clause) -> str:
+    """A look that confirms a clause."""
+    if clause.kind == "place":
+        how = "in" if clause.preposition.startswith("in") else "on"
+        return Clause("check", clause.subject, clause.target, how).as_text()
+    if clause.kind in ("open", "pull"):
+        return Clause("check", clause.subject, None, "open").as_text()
+    if clause.kind == "close":
+        return Clause("check", clause.subject, None, "closed").as_text()
+    return Clause("find", clause.subject).as_text()

@@ -41,7 +41,7 @@ _PLACE = (
     "place|put|move|stack|set|lay|bring|carry|drop|transfer|take|stow|insert|store|position|deposit|leave|return|slide"
     "|hide|pop|tuck|rest|get"
 )
-_WISH = r"(?:make sure(?: that)?|see to it that|ensure(?: that)?|i (?:want|need|would like)|we (?:want|need))"
+_REQUEST = r"(?:make sure(?: that)?|see to it that|ensure(?: that)?|i (?:want|need|would like)|we (?:want|need))"
 _BE = r"(?:is|are|to be|be|should be|ends up|belongs|goes)"
 _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
     (kind, re.compile(pattern))  # type: ignore[misc]
@@ -49,10 +49,10 @@ _PATTERNS: tuple[tuple[ClauseKind, re.Pattern[str]], ...] = tuple(
         ("check", r"(?:see whether|is) (?P<a>.+?)(?: is)? (?P<how>open|closed)"),
         ("check", r"see whether (?P<a>.+?) is (?P<how>on|in) (?P<b>.+)"),
         ("open", r"open (?P<a>.+?) (?P<how>to [0-9]{1,3})(?: percent)?"),
-        ("open", rf"{_WISH} (?P<a>.+?) {_BE} (?:open|opened)"),
-        ("close", rf"{_WISH} (?P<a>.+?) {_BE} (?:closed|shut)"),
-        ("away", rf"{_WISH} (?P<a>.+?) (?:{_BE} )?{_FROM} (?P<b>.+)"),
-        ("place", rf"{_WISH} (?P<a>.+?) (?:{_BE} )?{_ONTO} (?P<b>.+)"),
+        ("open", rf"{_REQUEST} (?P<a>.+?) {_BE} (?:open|opened)"),
+        ("close", rf"{_REQUEST} (?P<a>.+?) {_BE} (?:closed|shut)"),
+        ("away", rf"{_REQUEST} (?P<a>.+?) (?:{_BE} )?{_FROM} (?P<b>.+)"),
+        ("place", rf"{_REQUEST} (?P<a>.+?) (?:{_BE} )?{_ONTO} (?P<b>.+)"),
         ("place", rf"(?P<a>.+?) (?:should be|belongs|goes|should go|must be|must go) {_ONTO} (?P<b>.+)"),
         ("find", r"(?:look for|find|search for|locate|where is|show me|is there) (?P<a>.+?) (?:in|inside) (?P<b>.+)"),
         ("find", r"(?:look for|find|search for|locate|where is|show me) (?P<a>.+)"),
@@ -117,7 +117,7 @@ class NotUnderstoodError(GoalError):
 
 @dataclass(frozen=True)
 class Clause:
-    """One wish.
+    """One clause of a goal.
 
     Attributes:
         kind: What is to happen.

@@ -1,8 +1,8 @@
-"""Why no motion was found: which bodies are in the way, by taking them away in thought.
+"""Why no motion was found: which bodies are in the way, by planning in twins without them.
 
-Movable things that the subtask does not name are made ghosts: they touch nothing, nothing touches them, and they stay
-where they are. If motions exist with all of them gone, but not with all of them there, some are to blame: a single one
-without which it works, else a smallest set.
+Movable things that the subtask does not name lose their contacts (`sim_check.twin.collision_masks`) and stay where
+they are. If motions exist without all of them, but not with all of them, some are in the way: a single one without
+which a motion exists, else a smallest set.
 
 Where a motion was played in vain though the twin has nothing against it, the twin may be wrong by what perception is
 unsure of: a cube seen a finger's breadth nearer to an edge than it stands. So bodies are suspected that keep every
@@ -24,7 +24,7 @@ from control.tasks.reward_spec import RewardSpec
 from control.tasks.subtasks import read_subtask
 from control.twin_model import TwinJoint, TwinModel
 from sim_check.diagnosis.joints import JointBlame, blame
-from sim_check.twin.collision_masks import ghosted
+from sim_check.twin.collision_masks import without_contacts
 
 EXPLAINABLE = ("no_candidate", "unsafe")
 ROLLOUTS = 6  # candidates that are simulated for one thought
@@ -67,7 +67,7 @@ def diagnose(
     if failure is None:
         found = thought.plan(())
         if isinstance(found, MotionPlan):
-            return _unexplained(thought, joint, pushed)
+            return _uncaused(thought, joint, pushed)
         failure = found
     if failure.kind not in EXPLAINABLE or "counts" not in failure.evidence:
         return failure
@@ -90,7 +90,7 @@ def diagnose(
     )
 
 
-def _unexplained(thought: "_Thought", joint: TwinJoint | None, pushed: JointBlame | None) -> FailureCause:
+def _uncaused(thought: "_Thought", joint: TwinJoint | None, pushed: JointBlame | None) -> FailureCause:
     """Why a motion that the twin has nothing against was played in vain: what perception may err by, or the unseen."""
     subject = thought.spec.primary.subject
     if joint is not None:
@@ -184,7 +184,7 @@ class _Thought:
 
     def plan(self, gone: tuple[str, ...]) -> MotionPlan | FailureCause:
         return plan_motion(
-            ghosted(self.twin, gone),
+            without_contacts(self.twin, gone),
             self.spec,
             self.safety,
             np.random.default_rng(self.seed),

@@ -4,9 +4,9 @@
 
 with the joint's dry friction f and damping c, and the speed v that is asked for.
 
-A joint is free when it gets as far as in a reference run, in which every movable thing is a ghost, and pushes nothing
+A joint is free when it gets as far as in a reference run, in which no movable thing has contacts, and pushes nothing
 aside on its way. Moving a little is not free: a barred door still turns by 20 degrees. Bodies are suspected by the
-generalised force with which their contacts resisted, and confirmed by making them ghosts, one at a time.
+generalised force with which their contacts resisted, and confirmed in runs without their contacts, one at a time.
 """
 
 import copy
@@ -18,7 +18,7 @@ import numpy as np
 from control.path_planning.collision_filter import body_name
 from control.simulation.motion_recording import contact_names
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TwinJoint, TwinModel
-from sim_check.twin.collision_masks import ghosted
+from sim_check.twin.collision_masks import without_contacts
 
 SPEED_HINGE, SPEED_SLIDE = 0.4, 0.1  # [rad/s], [m/s]
 CAP_HINGE, CAP_SLIDE = 3.0, 12.0  # [Nm], [N] beyond dry friction
@@ -52,8 +52,8 @@ class JointBlame:
         bodies: Things without which the joint is free; none when the joint is free as it is.
         free: Whether the joint moves all the way in the twin and pushes nothing aside.
         push: As things stand.
-        reference: With every movable thing a ghost.
-        without: For each thing that was made a ghost, the share of the way without it.
+        reference: Without contacts of any movable thing.
+        without: For each thing that lost its contacts, the share of the way without it.
     """
 
     bodies: tuple[str, ...]
@@ -73,20 +73,20 @@ def blame(twin: TwinModel, joint: TwinJoint, fraction: float) -> JointBlame:
     """
     movable = [o.name for o in twin.objects if o.movable and o.name != twin.held]
     push = push_joint(twin, joint, fraction)
-    reference = push_joint(ghosted(twin, tuple(movable)), joint, fraction) if movable else push
+    reference = push_joint(without_contacts(twin, tuple(movable)), joint, fraction) if movable else push
     if _free(push, reference):
         return JointBlame((), True, push, reference, {})
     suspects = sorted(movable, key=lambda name: -push.resisted.get(name, 0.0))
     without: dict[str, float] = {}
     for name in suspects:
-        alone = push_joint(ghosted(twin, (name,)), joint, fraction)
+        alone = push_joint(without_contacts(twin, (name,)), joint, fraction)
         without[name] = alone.progress
         if _free(alone, reference):
             return JointBlame((name,), False, push, reference, without)
     gone: list[str] = []
     for name in suspects:
         gone.append(name)
-        if len(gone) > 1 and _free(push_joint(ghosted(twin, tuple(gone)), joint, fraction), reference):
+        if len(gone) > 1 and _free(push_joint(without_contacts(twin, tuple(gone)), joint, fraction), reference):
             return JointBlame(tuple(gone), False, push, reference, without)
     fixed = {o.name for o in twin.objects if not o.movable and o.name != joint.owner}
     standing = [name for name in push.resisted if name in fixed or twin.joint(name) is not None]

@@ -1,4 +1,4 @@
-"""Twins without some bodies, in thought: ghosts touch nothing, nothing touches them, and they stay where they are."""
+"""Twins in which the collision masks of some bodies are zero: these bodies have no contacts and do not move."""
 
 import copy
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 from control.twin_model import TwinModel
 
 
-def ghosted(twin: TwinModel, names: tuple[str, ...]) -> TwinModel:
+def without_contacts(twin: TwinModel, names: tuple[str, ...]) -> TwinModel:
     """The twin in which some bodies neither touch anything nor fall, and are no obstacles."""
     model = copy.copy(twin.model)
     for name in names:

@@ -41,7 +41,7 @@ from sim_check.models.scene_mjcf import (
     set_rendering,
 )
 from sim_check.objects.library import ObjectModel, object_model
-from sim_check.twin.collision_masks import ghosted
+from sim_check.twin.collision_masks import without_contacts
 from sim_check.twin.placed import Fixed, Standing
 from sim_check.twin.settling import free_bodies, move_apart, settle, touching
 from sim_check.twin.supports import carrier, set_down, stand
@@ -138,7 +138,10 @@ def build_twin(
         set_fractions(model, qpos, f.thing, f.fractions)
     if held is not None:
         qpos = _into_the_hand(twin, qpos)
-    settling = twin if around_arm or held is not None else ghosted(twin, (*ARM_BODIES, HAND_BODY, *FINGER_BODIES))
+    if around_arm or held is not None:
+        settling = twin
+    else:
+        settling = without_contacts(twin, (*ARM_BODIES, HAND_BODY, *FINGER_BODIES))
     return replace(twin, qpos=_rest(settling, qpos))
 
 

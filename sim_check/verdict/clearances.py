@@ -86,7 +86,7 @@ def measure_clearances(
     twin: TwinModel,
     purpose: Purpose,
     safety: SafetyLimits,
-    transit: Phase = Phase.CARRY,
+    phase_when_free: Phase = Phase.CARRY,
     stride: int = 2,
 ) -> Clearances:
     """Least distances along a rollout.
@@ -97,7 +97,7 @@ def measure_clearances(
         twin: Where it went.
         purpose: Who may be handled, and what may carry it.
         safety: The clearances.
-        transit: How a held object is judged that moves freely: `Phase.CARRY` keeps it away from everything,
+        phase_when_free: How a held object is judged that moves freely: `Phase.CARRY` keeps it away from everything,
             `Phase.CONTACT` lets it touch what may carry it.
         stride: Look at every `stride`-th of the samples.
     """
@@ -111,7 +111,7 @@ def measure_clearances(
         carrying = CollisionFilter(twin, safety, name, allowed, margin=0.0)
         looks[name] = {
             False: ClearanceMeter(grasping, Phase.GRASP, REACH),
-            True: ClearanceMeter(carrying, transit, REACH),
+            True: ClearanceMeter(carrying, phase_when_free, REACH),
         }
     dt = float(rollout.time[1] - rollout.time[0])
     steps = np.arange(0, len(times), stride)
@@ -134,7 +134,7 @@ def measure_clearances(
     )
 
 
-def transit_phase(trajectory: Trajectory) -> Phase:
+def phase_when_free(trajectory: Trajectory) -> Phase:
     """How a held object is judged in transit: strictly where the trajectory says when it may touch what carries it.
 
     A trajectory that only says what is held does not tell lifting and lowering from carrying.

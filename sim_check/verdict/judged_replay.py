@@ -13,7 +13,7 @@ from control.tasks.motion_cost import judge_terms
 from control.tasks.reward_spec import RewardSpec
 from control.trajectory.samples import Trajectory
 from control.twin_model import TwinModel
-from sim_check.verdict.clearances import measure_clearances, transit_phase
+from sim_check.verdict.clearances import measure_clearances, phase_when_free
 from sim_check.verdict.replay import replay
 
 NOMINAL_STRIDE = 2  # every second state (4 ms) is looked at for contacts
@@ -77,7 +77,7 @@ def judge_replay(question: ReplayQuestion, twin: TwinModel, nominal: bool) -> Re
     purpose = Purpose.in_twin(twin, question.spec, question.handled)
     motion = record_motion(rollout, twin, purpose, NOMINAL_STRIDE if nominal else PERTURBED_STRIDE)
     if nominal:
-        near = measure_clearances(rollout, motion.time, twin, purpose, safety, transit_phase(question.trajectory))
+        near = measure_clearances(rollout, motion.time, twin, purpose, safety, phase_when_free(question.trajectory))
         motion = replace(motion, clearances=near)
     checks = tuple(r.check(motion) for r in safety_residuals(safety))
     if question.spec is not None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from control.errors import ContradictionError, GoalError, ReasonerError, RefusedError, RobotGoneError, StoppedError
+from control.errors import GoalError, ReasonerError, RefusedError, RobotGoneError, StoppedError, TermConflictError
 from control.tasks.failure import FailureCause
 from planning.builtin.reasoner import BuiltinReasoner
 from planning.loop.loop import run_loop
@@ -199,7 +199,7 @@ def test_a_refusal_of_the_driver_becomes_a_cause():
 
 def test_terms_that_exclude_each_other_become_a_cause_that_names_both_and_the_planner_goes_on():
     world = cubes()
-    world.failures = [ContradictionError("near(a, b) and far(a, b) cannot both be met: being at 'b' is being near")]
+    world.failures = [TermConflictError("near(a, b) and far(a, b) cannot both be met: being at 'b' is being near")]
     result = reach("place the red cube on the crate", world)
     assert result.reached
     assert result.causes[0].kind == "reasoner_error"

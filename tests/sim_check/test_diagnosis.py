@@ -9,7 +9,7 @@ from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
 from control.tasks.failure import FailureCause
 from sim_check.diagnosis.blocking_bodies import diagnose
-from sim_check.twin.collision_masks import ghosted
+from sim_check.twin.collision_masks import without_contacts
 
 SAFETY = SafetyLimits()
 
@@ -84,10 +84,10 @@ def test_what_leaves_less_room_than_perception_may_err_by_is_suspected_of_a_moti
     assert "less than 10 mm more room than it must" in cause.message
 
 
-def test_a_ghost_stays_where_it_is_and_touches_nothing():
+def test_a_body_without_contacts_stays_where_it_is_and_touches_nothing():
     import mujoco
 
-    twin = ghosted(blocked(), ("yellow_cube",))
+    twin = without_contacts(blocked(), ("yellow_cube",))
     data = twin.start()
     before = data.body("yellow_cube").xpos.copy()
     for _ in range(100):

@@ -20,7 +20,7 @@ from benchmarks.scenes.tabletop_twins import (
     red_on_crate,
     twin_of,
 )
-from control.errors import ContradictionError, RewardSpecError
+from control.errors import RewardSpecError, TermConflictError
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.safety.limits import SafetyLimits
@@ -101,8 +101,8 @@ def test_a_joint_that_does_not_exist_is_not_seen_and_those_that_do_are_listed():
 
 @pytest.mark.parametrize("first", [True, False])
 def test_a_name_that_nothing_has_is_not_seen_in_whichever_term_it_stands(first):
-    ghost = term(FAR, "red_cube", "green_vase", 0.2)
-    spec = spec_of(ghost) if first else spec_of(term(NEAR, "red_cube", "crate"), ghost)
+    absent = term(FAR, "red_cube", "green_vase", 0.2)
+    spec = spec_of(absent) if first else spec_of(term(NEAR, "red_cube", "crate"), absent)
     cause = refused(cubes(), spec)
     assert (cause.kind, cause.subject) == ("not_seen", "green_vase")
     assert cause.message == "'green_vase' has no pose; seen were ['crate', 'red_cube', 'yellow_cube']"
@@ -182,10 +182,10 @@ def test_a_malformed_term_says_what_would_be_valid(arguments, message):
     assert message in str(error.value)
 
 
-# -- contradictions ----------------------------------------------------------------------------------------------------
+# -- term conflicts ---------------------------------------------------------------------------------------------------
 
 ON_CRATE = term(NEAR, "red_cube", "crate")
-CONTRADICTIONS = {
+CONFLICTS = {
     "on it and far from it": (
         ON_CRATE,
         term(FAR, "crate", "red_cube", 0.3),
@@ -245,12 +245,12 @@ IN_A_TWIN = {
 
 
 @pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("name", CONTRADICTIONS)
+@pytest.mark.parametrize("name", CONFLICTS)
 def test_terms_that_exclude_each_other_are_both_named_without_any_scene(name, reverse):
-    first, second, why = CONTRADICTIONS[name]
+    first, second, why = CONFLICTS[name]
     if reverse:
         first, second = second, first
-    with pytest.raises(ContradictionError) as error:
+    with pytest.raises(TermConflictError) as error:
         refuse_term_conflicts(spec_of(first, second))
     assert first.text in str(error.value) and second.text in str(error.value)
     assert "cannot both be met: " in str(error.value)
@@ -261,7 +261,7 @@ def test_terms_that_exclude_each_other_are_both_named_without_any_scene(name, re
 def test_terms_that_sizes_and_places_exclude_are_found_in_the_twin_and_refused_by_the_search(name):
     first, second, why = IN_A_TWIN[name]
     refuse_term_conflicts(spec_of(first, second))  # the terms alone do not say so
-    with pytest.raises(ContradictionError) as error:
+    with pytest.raises(TermConflictError) as error:
         refused(cubes(), spec_of(first, second))
     assert str(error.value) == (
         f"{first.text} and {second.text} cannot both be met: {why}; leave one of them out, or ask for one after the "

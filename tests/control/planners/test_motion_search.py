@@ -24,7 +24,7 @@ from benchmarks.scenes.tabletop_twins import (
 from control.grasping.grasps import BETWEEN_WALLS, STEEPEST_HOLD, grasps
 from control.path_planning.collision_filter import CollisionFilter, Phase
 from control.path_planning.planning_context import PlanningContext
-from control.path_planning.rrt_connect import rrt_connect, transit
+from control.path_planning.rrt_connect import free_path, rrt_connect
 from control.planners.candidates import candidates
 from control.planners.motion_search import plan_motion
 from control.planners.refinement import vary
@@ -216,7 +216,7 @@ def test_a_planner_finds_a_way_around_where_the_straight_one_is_obstructed():
     def clear(q):  # a wall across joint 1 with a gap where joint 2 is lifted
         return abs(q[0]) > 0.2 or q[1] < -1.2
 
-    assert transit(start, end, clear, []) is None
+    assert free_path(start, end, clear, []) is None
     path = rrt_connect(start, end, clear, limits, rng)
     assert path is not None and all(clear(q) for q in path)
     np.testing.assert_array_equal(path[[0, -1]], [start, end])

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.scenes.furniture_twins import cabinet
 from benchmarks.scenes.tabletop_twins import arm, cubes
-from control.errors import ContradictionError, RewardSpecError, UnknownObjectError
+from control.errors import RewardSpecError, TermConflictError, UnknownObjectError
 from control.path_planning.collision_filter import free_joint_address
 from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
@@ -99,7 +99,7 @@ def test_the_how_tos_term_is_costed_along_a_motion():
 
 def test_the_how_tos_term_is_refused_in_conflict():
     refuse_term_conflicts(spec_of("hold_obj_at_height_reward(red_cube, 0.23)\n"))
-    with pytest.raises(ContradictionError) as error:
+    with pytest.raises(TermConflictError) as error:
         refuse_term_conflicts(spec_of("hold_obj_at_height_reward(red_cube, 0.3)\n"))
     assert "cannot both be met: 'red_cube' can be at one height only" in str(error.value)
 

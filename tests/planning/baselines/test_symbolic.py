@@ -1,4 +1,4 @@
-"""From a perceived scene to symbols: facts, what was told, wishes, shortest plans, and the PDDL text."""
+"""From a perceived scene to symbols: facts, what was told, symbolic goals, shortest plans, and the PDDL text."""
 
 import pytest
 
@@ -31,9 +31,9 @@ def facts_of(of: FurnishedWorld):
 
 def plan_for(goal: str, of: FurnishedWorld, *told: str) -> list[str] | None:
     scene = of.look(NAMES)
-    wishes = read_symbolic_goals(goal, scene, FURNITURE, read_told(told, FURNITURE, NAMES))
-    problem = symbolic_problem(scene, FURNITURE, wishes.told, wishes.facts)
-    plan = shortest_plan(useful(problem.actions(), wishes.facts), problem.initial, wishes.facts)
+    goals = read_symbolic_goals(goal, scene, FURNITURE, read_told(told, FURNITURE, NAMES))
+    problem = symbolic_problem(scene, FURNITURE, goals.told, goals.facts)
+    plan = shortest_plan(useful(problem.actions(), goals.facts), problem.initial, goals.facts)
     return None if plan is None else [sentence(a) for a in plan]
 
 
@@ -108,7 +108,7 @@ def test_told_facts_that_cannot_be_read_say_what_would_be_valid(told, message):
         read_told((told,), FURNITURE, NAMES)
 
 
-def test_doors_and_levers_are_wished_for_by_furniture_or_by_joint():
+def test_doors_and_levers_are_goals_by_furniture_or_by_joint():
     scene = world(fractions={"cupboard_left_door": 1.0}).look(NAMES)
     both = read_symbolic_goals("open the cupboard", scene, FURNITURE)
     assert both.facts == {("is-open", "cupboard_left_door"), ("is-open", "cupboard_right_door")}
@@ -146,10 +146,10 @@ def test_goals_without_symbols_say_why(goal, message):
         read_symbolic_goals(goal, world().look(NAMES), FURNITURE)
 
 
-def test_of_two_wishes_about_one_thing_the_later_one_lasts():
+def test_of_two_goals_about_one_thing_the_later_one_lasts():
     goal = "put the red cube on the crate; then take the red cube off the crate; then put the yellow cube on the crate"
-    wishes = read_symbolic_goals(goal, world().look(NAMES), FURNITURE)
-    assert [w.text for w in wishes.lasting] == ["move red_cube away from crate", "place yellow_cube on crate"]
+    goals = read_symbolic_goals(goal, world().look(NAMES), FURNITURE)
+    assert [w.text for w in goals.lasting] == ["move red_cube away from crate", "place yellow_cube on crate"]
 
 
 def test_a_lift_is_the_last_thing_that_a_plan_does():
