@@ -144,9 +144,9 @@ def _with_depth(frames: Sequence[RgbdFrame]) -> tuple[list[PreparedFrame], list[
     """
     if not frames:
         raise FrameError("there is no frame to look at; pass at least one RgbdFrame")
-    looks = prepared(frames)
-    blind = [frame for frame in looks if not frame.valid_depth.any()]
-    seeing = [frame for frame in looks if frame.valid_depth.any()]
+    ready = prepared(frames)
+    blind = [frame for frame in ready if not frame.valid_depth.any()]
+    seeing = [frame for frame in ready if frame.valid_depth.any()]
     if not seeing:
         raise FrameError(
             f"the frame of camera '{blind[0].camera}' at {blind[0].stamp:.3f} s has no valid depth at all; "

@@ -145,13 +145,13 @@ class Looker:
         names = tuple(item.known) if self.row == KNOWN else item.names
         if not names:
             return
-        perception, overheard = self._for(item)
+        perception, recorder = self._for(item)
         started = time.perf_counter()
         scene = perception.perceive([item.frame], names)
         measured.seconds["total"].append(time.perf_counter() - started)
         for stage in STAGES:
             measured.seconds[stage].append(scene.seconds[stage])
-        drawn = None if self.row == KNOWN else overheard.drawn
+        drawn = None if self.row == KNOWN else recorder.drawn
         furniture = () if self.row == KNOWN else tuple(item.known)
         measured.scores.add(scene, item.truth, drawn, names, item.frame.camera, item.group, item.hinges_deg, furniture)
 
@@ -161,9 +161,9 @@ class Looker:
             detector = GivenBoxes({o.name: o.box_px[None] for o in item.truth.objects if o.box_px is not None})
         elif self.row == GIVEN_MASKS:
             detector = segmenter = GivenMasks({o.name: o.mask for o in item.truth.objects if o.mask is not None})
-        overheard = RecordingDetector(KnownPhrases(detector), self.threshold, self._perception.options)
+        recorder = RecordingDetector(KnownPhrases(detector), self.threshold, self._perception.options)
         known = item.known if self.row == KNOWN else {}
-        return replace(self._perception, detector=overheard, segmenter=segmenter, known=known), overheard
+        return replace(self._perception, detector=recorder, segmenter=segmenter, known=known), recorder
 
 
 def operating_threshold(detector: Detector) -> float:

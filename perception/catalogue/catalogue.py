@@ -11,7 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from perception.catalogue.appearance import Appearance, Colour
-from perception.catalogue.entries import CatalogueFile, FurnitureEntry, LookEntry, ObjectEntry, UnknownEntry
+from perception.catalogue.entries import AppearanceEntry, CatalogueFile, FurnitureEntry, ObjectEntry, UnknownEntry
 from perception.errors import CatalogueError
 
 BUILTIN_FILE = Path(__file__).with_name("objects.yaml")
@@ -121,16 +121,18 @@ class Catalogue:
     def _chromatic(self) -> tuple[str, ...]:
         return tuple(word for word, colour in self.colours.items() if colour.chromatic)
 
-    def _appearance(self, noun: str | None, entry: ObjectEntry | UnknownEntry, look: LookEntry) -> Appearance:
+    def _appearance(
+        self, noun: str | None, entry: ObjectEntry | UnknownEntry, appearance: AppearanceEntry
+    ) -> Appearance:
         return Appearance(
             noun=noun,
             colours=self._chromatic if noun is None else self.usual_colours(noun),
-            outline=look.outline,
-            size=look.size,
+            outline=appearance.outline,
+            size=appearance.size,
             solid=entry.shape,
-            equal_sides=look.equal_sides,
+            equal_sides=appearance.equal_sides,
             hollow=isinstance(entry, ObjectEntry) and entry.carries == "inside",
-            kinds=look.kinds,
+            kinds=appearance.kinds,
         )
 
 

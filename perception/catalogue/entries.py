@@ -90,8 +90,8 @@ class FurnitureEntry(StrictEntry):
     unsaid_colours: tuple[Word, ...] = ()
 
 
-class LookEntry(StrictEntry):
-    """How detection by colour and shape knows a thing; a thing without a look is left to learned weights.
+class AppearanceEntry(StrictEntry):
+    """How detection by colour and shape knows a thing; a thing without one is left to learned weights.
 
     Attributes:
         outline: Shape of the outline in the picture.
@@ -193,7 +193,7 @@ class ObjectEntry(StrictEntry):
     carries: Carries | None = None
     colours: tuple[Word, ...] | None = Field(default=None, min_length=1)
     prompt_words: tuple[str, ...] = ()
-    look: LookEntry | None = None
+    look: AppearanceEntry | None = None
     body: BodyEntry | None = None
     drawn: DrawnEntry | None = None
 
@@ -215,7 +215,7 @@ class UnknownEntry(StrictEntry):
     """
 
     shape: Shape
-    look: LookEntry
+    look: AppearanceEntry
     density: Positive
     friction: Positive
     paint: Word

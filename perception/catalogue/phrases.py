@@ -14,12 +14,12 @@ class Query:
     Attributes:
         phrase: The phrase.
         colours: Colours to look for, each by itself.
-        look: What the noun looks like; that of any thing for a noun without a look but with a colour word.
+        appearance: What the noun looks like; that of any thing for a noun without an appearance but with a colour word.
     """
 
     phrase: str
     colours: tuple[Colour, ...]
-    look: Appearance
+    appearance: Appearance
 
 
 def parse_phrase(phrase: str, catalogue: Catalogue | None = None) -> Query:
@@ -30,7 +30,7 @@ def parse_phrase(phrase: str, catalogue: Catalogue | None = None) -> Query:
         catalogue: Of nouns and colours; the built-in one if None.
 
     Raises:
-        UnknownPhraseError: Neither a noun that has a look nor a colour word.
+        UnknownPhraseError: Neither a noun that has an appearance nor a colour word.
     """
     known = catalogue or builtin_catalogue()
     words = phrase.lower().replace("_", " ").replace("-", " ").split()
@@ -45,13 +45,13 @@ def parse_phrase(phrase: str, catalogue: Catalogue | None = None) -> Query:
             f"{sorted(known.appearances)} and, for any other noun, needs one of the colours {sorted(known.colours)}; "
             "name one of these or choose a learned detector"
         )
-    look = known.any_thing if noun_at is None else known.appearances[words[noun_at]]
-    return Query(phrase, colours or tuple(known.colours[c] for c in look.colours), look)
+    appearance = known.any_thing if noun_at is None else known.appearances[words[noun_at]]
+    return Query(phrase, colours or tuple(known.colours[c] for c in appearance.colours), appearance)
 
 
 def appearance_of(phrase: str, catalogue: Catalogue | None = None) -> Appearance:
-    """What the thing that a phrase names looks like; that of any thing for nouns without a look."""
+    """What the thing that a phrase names looks like; that of any thing for nouns without an appearance."""
     try:
-        return parse_phrase(phrase, catalogue).look
+        return parse_phrase(phrase, catalogue).appearance
     except UnknownPhraseError:
         return (catalogue or builtin_catalogue()).any_thing

@@ -1,7 +1,7 @@
 """Detection by colour and shape with OpenCV: no learned model, no weights, a few milliseconds a phrase.
 
 It knows the nouns and colours of the catalogue and nothing else; it tells things apart by hue, by
-round or angular outline and by size. Two things of the same look are told apart by nobody but their place.
+round or angular outline and by size. Two things of the same appearance are told apart by their places only.
 """
 
 from collections.abc import Sequence
@@ -13,8 +13,8 @@ import numpy as np
 from perception.catalogue.appearance import Appearance, Colour
 from perception.catalogue.catalogue import Catalogue
 from perception.catalogue.phrases import Query, parse_phrase
+from perception.detection.appearance_scores import equality, outline_score, rise, size_score, stands_on_something
 from perception.detection.cut_pieces import CutBlob, join_cut
-from perception.detection.look_scores import equality, outline_score, rise, size_score, stands_on_something
 from perception.frames import RgbdFrame
 from perception.geometry.outline import Outline, measure_outline
 from perception.geometry.prepared_frame import PreparedFrame
@@ -82,7 +82,9 @@ class ColourShapeDetector:
         query = parse_phrase(phrase, self.catalogue)
         if len(query.colours) != 1:
             return None
-        noun = {("angular", "box"): "ball", ("round", "sphere"): "block"}.get((query.look.outline, query.look.solid))
+        noun = {("angular", "box"): "ball", ("round", "sphere"): "block"}.get(
+            (query.appearance.outline, query.appearance.solid)
+        )
         return None if noun is None else f"{query.colours[0].word} {noun}"
 
     def _pieces(
@@ -107,12 +109,13 @@ class ColourShapeDetector:
     ) -> list[Detection]:
         scored, found = [], []
         for blob, parts in pieces:
-            score = self._score(frame, blob, query.look, colour)
-            if not parts or query.look.noun is None:  # a word that says nothing of sizes means all that hangs together
+            score = self._score(frame, blob, query.appearance, colour)
+            # A word that says nothing of sizes means the whole blob.
+            if not parts or query.appearance.noun is None:
                 scored.append((score, blob))
                 continue
             score *= filled_share(parts)
-            of_parts = [self._part_score(frame, part, query.look, colour) for part in parts]
+            of_parts = [self._part_score(frame, part, query.appearance, colour) for part in parts]
             if score > max(of_parts):
                 scored.append((score, blob))
                 continue
@@ -149,46 +152,46 @@ class ColourShapeDetector:
                 blobs.append(blob)
         return blobs
 
-    def _score(self, frame: PreparedFrame, cut: CutBlob, look: Appearance, colour: Colour) -> float:
+    def _score(self, frame: PreparedFrame, cut: CutBlob, appearance: Appearance, colour: Colour) -> float:
         """How much a blob looks like the noun, 0..1: product of filling, outline, certainty and size."""
         blob = cut.pixels
         outline = measure_outline(cut.whole, frame.known_depth)
         if outline is None:
             return 0.0
-        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, look)
+        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, appearance)
         score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
         known = blob & np.isfinite(frame.known_depth)
         if known.sum() >= 20:
             distance = float(np.median(frame.known_depth[known]))
-            score *= size_score(outline, look, outline.long_px * distance / frame.intrinsics.fx)
-            score *= self._block_score(frame, blob, outline, look)
+            score *= size_score(outline, appearance, outline.long_px * distance / frame.intrinsics.fx)
+            score *= self._block_score(frame, blob, outline, appearance)
         return score if self._may_stand(frame, blob, colour) else 0.0
 
-    def _part_score(self, frame: PreparedFrame, part: StackPart, look: Appearance, colour: Colour) -> float:
+    def _part_score(self, frame: PreparedFrame, part: StackPart, appearance: Appearance, colour: Colour) -> float:
         """The same for one of several things that stand on each other, whose sizes are known."""
         outline = measure_outline(part.covered, frame.known_depth)
         if outline is None or not self._may_stand(frame, part.pixels, colour):
             return 0.0
-        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, look)
+        score = (0.4 + 0.6 * outline.fill) * outline_score(outline, appearance)
         score *= outline.long_px / (outline.long_px + self.settings.doubt_px)
-        low, high = look.size
+        low, high = appearance.size
         longest = float(part.sizes.max())
         score *= rise(longest / low, 0.6, 0.9) * rise(-longest / high, -1.7, -1.2)
-        return score * (equality(float(part.sizes.max() / part.sizes.min())) if look.equal_sides else 1.0)
+        return score * (equality(float(part.sizes.max() / part.sizes.min())) if appearance.equal_sides else 1.0)
 
-    def _block_score(self, frame: PreparedFrame, blob: np.ndarray, outline: Outline, look: Appearance) -> float:
+    def _block_score(self, frame: PreparedFrame, blob: np.ndarray, outline: Outline, appearance: Appearance) -> float:
         """Less than 1 for what has corners and is, in the world, too small or too unequal for its noun.
 
         A cube's diagonal in the picture may be as long as a small crate's side; and what is wider than it reaches over
         the support is no cube, whatever it stands on.
         """
-        if look.outline != "angular":
+        if appearance.outline != "angular":
             return 1.0
         sizes = Ground(frame).box_sizes(blob, 0.0)
         longest = max(float(sizes[:2].max()), Ground(frame).seen_height(blob))
-        score = rise(longest / (look.size[0] * max(0.3, outline.free)), 0.6, 0.9)
+        score = rise(longest / (appearance.size[0] * max(0.3, outline.free)), 0.6, 0.9)
         width = float(sizes[:2].min()) - 2.0 * Ground(frame).height_std(blob)
-        return score * (equality(width / float(sizes[2])) if look.equal_sides else 1.0)
+        return score * (equality(width / float(sizes[2])) if appearance.equal_sides else 1.0)
 
     def _may_stand(self, frame: PreparedFrame, blob: np.ndarray, colour: Colour) -> bool:
         """Whether a blob is no link of an arm and no noise of the table."""

@@ -35,7 +35,7 @@ class CutBlob:
 
 
 def join_cut(blobs: Sequence[np.ndarray], depth: np.ndarray) -> list[CutBlob]:
-    """Pieces of one look, and besides them what two or more of them may be together.
+    """Pieces of one appearance, and besides them what two or more of them may be together.
 
     Args:
         blobs: Pieces, each bool, shape (height, width).

@@ -15,7 +15,7 @@ class DetectorRouter:
     The learned weights are loaded with the first phrase that needs them.
 
     Attributes:
-        by_colour: For phrases with a noun that has a look in the catalogue, or with a colour.
+        by_colour: For phrases with a noun that has an appearance in the catalogue, or with a colour.
         learned: For phrases with another noun.
     """
 
@@ -31,7 +31,7 @@ class DetectorRouter:
         Args:
             by_colour, learned: The two.
             knows: Raises UnknownPhraseError for a phrase that `learned` has no way to look for.
-            catalogue: Says which nouns have a look; the built-in one if None.
+            catalogue: Says which nouns have an appearance; the built-in one if None.
         """
         self.by_colour, self.learned, self._knows, self._catalogue = by_colour, learned, knows, catalogue
 
@@ -74,7 +74,7 @@ class DetectorRouter:
             except UnknownPhraseError as by_learned:
                 raise UnknownPhraseError(f"nobody here can look for '{phrase}': {by_colour}; {by_learned}") from None
             return True
-        if query.look.noun is not None:
+        if query.appearance.noun is not None:
             return False
         try:
             self._knows(phrase)

@@ -26,15 +26,15 @@ FIT_STD = 0.0015  # how far a first fit is off its own points in [m]
 LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's ends and axis in [m]
 
 
-def kinds_of(look: Appearance) -> tuple[Kind, ...]:
+def kinds_of(appearance: Appearance) -> tuple[Kind, ...]:
     """Solids that a noun may mean. Cans may lie, and some are no cylinders; a noun that is not known says nothing."""
-    if look.noun is None:
+    if appearance.noun is None:
         return ANY_KIND
-    if look.kinds:
-        return look.kinds
-    if look.solid == "cylinder" and not look.hollow:
+    if appearance.kinds:
+        return appearance.kinds
+    if appearance.solid == "cylinder" and not appearance.hollow:
         return ("cylinder", "lying cylinder")
-    return (look.solid,)
+    return (appearance.solid,)
 
 
 def first_fits(points: np.ndarray, kinds: Sequence[Kind], bottom: float, depth_std: float) -> dict[Kind, Solid]:

@@ -1,4 +1,4 @@
-"""Things of one look that stand on each other, told apart by depth where colour tells nothing.
+"""Things of one appearance that stand on each other, told apart by depth where colour tells nothing.
 
 What stands on a thing leaves part of that thing's level top in sight around it. In the heights of the pixels such a top
 is a narrow peak far below the highest pixels, and over the ground (x, y) what lies above it covers clearly less than
@@ -105,7 +105,7 @@ def split_stack(blob: np.ndarray, ground: Ground) -> list[StackPart]:
     """What stands on each other in one blob, upper things first; empty for a single thing.
 
     Args:
-        blob: Connected pixels of one look, bool, shape (height, width).
+        blob: Connected pixels of one appearance, bool, shape (height, width).
         ground: Where they are.
     """
     uppers: list[tuple[np.ndarray, float]] = []  # with the height of what they stand on
@@ -124,7 +124,7 @@ def split_stack(blob: np.ndarray, ground: Ground) -> list[StackPart]:
 
 
 def whole_stack(part: Detection) -> Detection:
-    """A part with all that it stands on or carries: what a segmenter can cut out by its look."""
+    """A part with all that it stands on or carries: what a segmenter can cut out by its appearance."""
     if part.seed is None or part.rest is None:
         return part
     seed = part.seed | part.rest

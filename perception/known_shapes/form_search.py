@@ -14,7 +14,7 @@ from perception.known_shapes.fit_settings import FormSettings
 from perception.known_shapes.fitted_estimates import form_estimate
 from perception.known_shapes.form_fit import FormFit, fit_form
 from perception.known_shapes.forms import KnownForm
-from perception.known_shapes.residual_clusters import distance_to_known, pieces, unexplained
+from perception.known_shapes.residual_clusters import distance_to_known, pieces, residual_rays
 
 STRIDE = 2  # every how many rows and columns of the pictures are used
 
@@ -47,7 +47,7 @@ def find_forms(
     """
     rays = joined([frame.rays(STRIDE) for frame in frames])
     known = distance_to_known(rays, table, standing)
-    parts = pieces(rays, unexplained(rays, table, known))
+    parts = pieces(rays, residual_rays(rays, table, known))
     boards = [board for fit in standing for board in fit.model.carriers(fit.world_T_model)]
     found: dict[str, list[ObjectEstimate]] = {}
     for form in {form.noun: form for form in asked.values()}.values():

@@ -1,4 +1,4 @@
-"""What depth shows beyond the support and the known furniture: points, and the pieces that they fall into."""
+"""What depth shows beyond the support and the known furniture: points, and their clusters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ MARGIN = 0.012  # the same of known furniture: handles are rounder than their bo
 
 @dataclass(frozen=True)
 class ResidualCluster:
-    """Points that hang together.
+    """A cluster of neighbouring points.
 
     Attributes:
         which: Indices of its rays.
@@ -39,7 +39,7 @@ def distance_to_known(rays: DepthRays, table: SupportPlane, standing: Sequence[K
     return nearest
 
 
-def unexplained(rays: DepthRays, table: SupportPlane, known: np.ndarray) -> np.ndarray:
+def residual_rays(rays: DepthRays, table: SupportPlane, known: np.ndarray) -> np.ndarray:
     """Which rays end before all that is known, bool, shape (n,).
 
     Args:

@@ -25,7 +25,7 @@ def masks_of(segmenter: Segmenter, frame: RgbdFrame, boxes: Mapping[str, Detecti
 
 
 def _cut_out(segmenter: Segmenter, frame: RgbdFrame, boxes: list[Detection]) -> list[np.ndarray]:
-    """One mask a box; things of one look that stand on each other are cut out together, then told apart."""
+    """One mask a box; things of one appearance that stand on each other are cut out together, then told apart."""
     wholes = [box if box.rest is None else whole_stack(box) for box in boxes]
     corners = np.array([box.box_px for box in wholes]).reshape(-1, 4)
     cut = segmenter.segment_all(frame, corners, [box.seed for box in wholes])

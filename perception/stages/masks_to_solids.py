@@ -50,9 +50,11 @@ def solids_of(
         above = np.zeros_like(cloud.mask)
         for other in upwards[i + 1 :]:
             above |= clouds[other].mask
-        look = appearance_of(box.phrase, catalogue)
-        fitted = fit_solid(frame, cloud, kinds_of(look), frame.support, solids, above, vessels, look.equal_sides)
-        (vessels if look.hollow else solids).append(fitted.solid)
+        appearance = appearance_of(box.phrase, catalogue)
+        fitted = fit_solid(
+            frame, cloud, kinds_of(appearance), frame.support, solids, above, vessels, appearance.equal_sides
+        )
+        (vessels if appearance.hollow else solids).append(fitted.solid)
         evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, source)
         found[name] = ObjectEstimate(
             name=name,

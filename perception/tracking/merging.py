@@ -39,8 +39,8 @@ def turned_like(estimate: ObjectEstimate, yaw: float) -> ObjectEstimate:
 def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
     """Merge estimates of one object from several cameras; each axis by 1 / variance.
 
-    Those that do not agree with the one of smallest spread are another thing of the same look, or a mistake; they are
-    left out. Evidence is kept of those merged.
+    Those that do not agree with the one of smallest spread are another thing of the same appearance, or a mistake; they
+    are left out. Evidence is kept of those merged.
 
     Args:
         estimates: At least one, all of one name.

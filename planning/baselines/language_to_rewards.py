@@ -1,7 +1,7 @@
 """Language to rewards: the whole goal becomes one motion description, one reward program, one motion.
 
-No plan, no verifier, no diagnosis and no second try. The goal is reached when the judge sees the program's primary term
-met after the motion.
+No plan, no verifier, no diagnosis and no second try. The goal is reached when the term evaluator sees the program's
+primary term met after the motion.
 """
 
 from control.errors import ReasonerError

@@ -16,7 +16,7 @@ class Rehearsal:
     Attributes:
         scene: What would be seen after it, as far as can be told: things where the motion puts them, joints where it
             drives them, all else where it was seen.
-        motion: The hands' own; only they read it.
+        motion: For the motion executor alone.
     """
 
     scene: SceneEstimate
@@ -24,7 +24,7 @@ class Rehearsal:
 
 
 class RehearsingExecutor(MotionExecutor, Protocol):
-    """Hands with a rehearsal."""
+    """A motion executor that can rehearse."""
 
     def rehearse(
         self, spec: RewardSpec, scene: SceneEstimate, after: Rehearsal | None = None

@@ -1,4 +1,4 @@
-"""What a goal wants, in facts and in terms that a judge can look at; and what it tells besides.
+"""What a goal wants, in facts and in terms that the term evaluator can check; and what it tells besides.
 
 Words mean the same things as for the rule-based planner (`planning.builtin.situation`).
 """
@@ -31,7 +31,7 @@ class SymbolicGoal:
     Attributes:
         text: In plain words.
         facts: What shall be true; none for a thing that only had to be seen.
-        terms: What a judge shall see.
+        terms: What the term evaluator checks.
     """
 
     text: str

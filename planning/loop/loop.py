@@ -1,7 +1,7 @@
 """The RePlan loop, from its task level: which plan, and a new one where a plan failed.
 
 Below it are the subtask level (`planning.loop.steps`: one plan's steps, with diagnosis and replanning) and the skill
-level (`planning.loop.skills`: eyes or hands, which rewards).
+level (`planning.loop.skills`: look or motion, which rewards).
 """
 
 from collections.abc import Sequence

@@ -48,7 +48,7 @@ class StepRecord:
 
     Attributes:
         action: As the plan has it.
-        kind: Whether it asked for eyes or hands.
+        kind: "eyes" for a look, "hands" for a motion.
         ok: Whether it was achieved, as seen afterwards.
         cause: Why not; None when ok.
     """

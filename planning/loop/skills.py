@@ -1,4 +1,4 @@
-"""The skill level: one step of a plan, carried out once, as a look with questions (eyes) or as a motion (hands)."""
+"""The skill level: one step of a plan, carried out once, as a look with questions or as a motion."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class StepOutcome:
 
 
 def carry_out_step(state: LoopState, action: str, plan: Plan, scene: SceneEstimate) -> StepOutcome:
-    """Ask whether a step needs eyes or hands, and carry it out.
+    """Ask whether a step is a look or a motion, and carry it out.
 
     Args:
         state: Of the run; gets the step's record, and what it achieved.

@@ -65,8 +65,8 @@ class FramePerception:
             detector = self.given.of(key or "")
         elif isinstance(self.given, MasksByFrame):
             detector = segmenter = self.given.of(key or "")
-        overheard = RecordingDetector(detector, options=self._perception.options)
-        return replace(self._perception, detector=overheard, segmenter=segmenter), overheard
+        recorder = RecordingDetector(detector, options=self._perception.options)
+        return replace(self._perception, detector=recorder, segmenter=segmenter), recorder
 
     def _with_given_reasons(self, scene: SceneEstimate) -> SceneEstimate:
         """Where boxes or masks are given, a name without one was not missed by a detector."""

@@ -68,9 +68,9 @@ def test_rows_come_in_order_the_same_thing_is_measured_once_and_missing_weights_
 def test_average_precision_sees_boxes_below_the_threshold_and_the_pose_does_not():
     frame = render([cube(RED, 0.5, 0.1), cube(YELLOW, 0.5, -0.1)])
     (red,) = (d for d in ColourShapeDetector().detect(frame, ["red cube"]))
-    overheard = RecordingDetector(ColourShapeDetector(), threshold=red.score + 0.01)
-    assert overheard.detect(frame, ["red cube"]) == []
-    assert [d.score for d in overheard.drawn] == [red.score]
+    recorder = RecordingDetector(ColourShapeDetector(), threshold=red.score + 0.01)
+    assert recorder.detect(frame, ["red cube"]) == []
+    assert [d.score for d in recorder.drawn] == [red.score]
     looker = Looker("default")
     assert looker.threshold == operating_threshold(ColourShapeDetector()) > LOWEST_SCORE
     assert Scores(looker.threshold).threshold == looker.threshold

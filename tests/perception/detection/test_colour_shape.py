@@ -104,8 +104,8 @@ def test_a_picture_of_noise_yields_no_error():
 
 def test_orange_is_a_colour_before_a_noun_and_a_fruit_at_the_end():
     assert parse_phrase("orange cube").colours == (builtin_catalogue().colours["orange"],)
-    assert parse_phrase("orange cube").look is builtin_catalogue().appearances["cube"]
-    assert parse_phrase("the orange").look is builtin_catalogue().appearances["orange"]
+    assert parse_phrase("orange cube").appearance is builtin_catalogue().appearances["cube"]
+    assert parse_phrase("the orange").appearance is builtin_catalogue().appearances["orange"]
 
 
 def test_a_named_colour_replaces_the_usual_ones():

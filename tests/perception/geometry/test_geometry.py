@@ -217,7 +217,7 @@ def test_a_picture_without_a_table_assumes_zero_and_says_so():
     assert frame.support == SupportPlane(0.0, (0.0, 0.0), False)
 
 
-def test_a_camera_without_a_pose_is_levelled_by_the_plane_it_sees():
+def test_a_camera_without_a_pose_is_aligned_with_gravity_by_the_plane_it_sees():
     true = look_at((1.0, 0.0, 0.7), (0.4, 0.0, 0.0))
     frame = plane_frame(true, np.random.default_rng(0))
     pose = camera_above_plane(frame.depth, LENS)
@@ -226,7 +226,7 @@ def test_a_camera_without_a_pose_is_levelled_by_the_plane_it_sees():
     assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
 
 
-def test_a_camera_that_sees_a_wall_only_cannot_be_levelled():
+def test_a_camera_that_sees_a_wall_only_cannot_be_aligned_with_gravity():
     depth = np.full((48, 64), 1.0) + np.random.default_rng(0).uniform(0, 3, (48, 64))
     with pytest.raises(FrameError, match="no plane holds a tenth of the known depths"):
         camera_above_plane(depth, LENS)

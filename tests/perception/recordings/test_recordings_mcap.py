@@ -192,7 +192,7 @@ def tilted_plane():
     return (0.5 / (np.sin(np.pi / 4) + slope * np.cos(np.pi / 4))).astype(np.float32)
 
 
-def levelled(tmp_path, *transforms):
+def tilted_recording(tmp_path, *transforms):
     k = {"k": [60.0, 0, 31.5, 0, 60.0, 23.5, 0, 0, 1.0], "p": [60.0, 0, 31.5, 0, 0, 60.0, 23.5, 0, 0, 0, 1.0, 0]}
     flat = image(DEPTH, 1.0, "32FC1", tilted_plane())
     grey = image(COLOUR, 1.0, "mono8", np.zeros((48, 64), np.uint8))
@@ -200,14 +200,14 @@ def levelled(tmp_path, *transforms):
 
 
 def test_without_transforms_the_plane_that_things_stand_on_is_the_world(tmp_path):
-    recording = open_recording(levelled(tmp_path))
+    recording = open_recording(tilted_recording(tmp_path))
     (frame,) = recording
     assert frame.world_T_camera[2, 3] == pytest.approx(0.5, abs=2e-3)
     assert recording.notes[-1].endswith("found in each frame: it has no transforms")
 
 
 def test_frames_that_are_no_world_are_named_and_may_be_chosen(tmp_path):
-    file = levelled(tmp_path, tf(0.0, "odom", OPTICAL, (0.0, 0.0, 9.0), topic="/tf_static"))
+    file = tilted_recording(tmp_path, tf(0.0, "odom", OPTICAL, (0.0, 0.0, 9.0), topic="/tf_static"))
     assert "the cameras hang on odom, none of world, map, panda_link0" in open_recording(file).notes[-1]
     (frame,) = open_recording(file, mcap=McapChoice(world="odom"))
     assert frame.world_T_camera[2, 3] == 9.0

@@ -39,7 +39,7 @@ def estimate(name: str, position: Sequence[float], extents: Sequence[float]) -> 
 
 @dataclass
 class World:
-    """Eyes, executor and judge at once.
+    """Scene observer, motion executor and term evaluator at once.
 
     Attributes:
         places: Each object's place: "table" or the carrier that it is on.

@@ -1,4 +1,4 @@
-"""How much an outline, a size or a place speaks for what a noun looks like: scores from 0 to 1."""
+"""Scores from 0 to 1 of how well an outline, a size or a place agrees with the appearance of a noun."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from perception.catalogue.appearance import Appearance
 from perception.geometry.outline import Outline
 
 
-def outline_score(outline: Outline, look: Appearance) -> float:
+def outline_score(outline: Outline, appearance: Appearance) -> float:
     """How well the outline's roundness and aspect suit a noun, 0..1."""
-    if look.outline == "round":
+    if appearance.outline == "round":
         # A ball of which half is hidden, or beyond the picture's edge, shows as a slice.
-        longest = 2.6 / max(outline.free, 0.4) if look.solid == "sphere" else 2.6
+        longest = 2.6 / max(outline.free, 0.4) if appearance.solid == "sphere" else 2.6
         return rise(outline.roundness, 0.50, 0.66) if outline.aspect < longest else 0.0
-    if look.outline == "vessel":  # two ellipses of different size and what lies between
+    if appearance.outline == "vessel":  # two ellipses of different size and what lies between
         return rise(outline.roundness, 0.38, 0.50) if outline.aspect < 2.6 else 0.0
-    if look.outline == "angular":
+    if appearance.outline == "angular":
         return rise(-outline.roundness, -0.66, -0.50) * rise(-outline.aspect, -4.5, -3.0)
-    if look.outline == "elongated":
+    if appearance.outline == "elongated":
         return rise(outline.aspect, 1.7, 2.5)
     return 1.0
 
@@ -31,16 +31,16 @@ def equality(ratio: float) -> float:
     return 0.3 + 0.7 * rise(-ratio, -1.8, -1.35)
 
 
-def size_score(outline: Outline, look: Appearance, long_side: float) -> float:
+def size_score(outline: Outline, appearance: Appearance, long_side: float) -> float:
     """1 within the noun's sizes, falling to 0 outside; a box seen over its corner shows up to 1.7 of its side.
 
     Args:
         outline: Of the blob; where part of it is hidden it may look smaller than it is.
-        look: Of the noun.
+        appearance: Of the noun.
         long_side: Longest visible side in [m].
     """
-    low, high = look.size
-    high *= 1.2 if look.outline in ("round", "vessel") else 1.7
+    low, high = appearance.size
+    high *= 1.2 if appearance.outline in ("round", "vessel") else 1.7
     low *= max(0.3, outline.free)
     if long_side < low:
         return float(np.clip((long_side / low - 0.6) / 0.3, 0.0, 1.0))
