@@ -8,6 +8,10 @@ from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publish
 from hw_interface.ros2.encoding import Ros2Message
 from hw_interface.ros2.keys import Naming
 
+# The transport's own default drops a message that a full link has no room for, which is every large picture. This
+# process holds up nobody while it waits: it reads states from a ring and asks for pictures one at a time.
+_WAIT = zenoh.CongestionControl.BLOCK
+
 
 class Ros2Publisher:
     """Publishes messages; topics are announced when their first message comes.
@@ -56,9 +60,10 @@ class _Topic:
                 publisher_detection=True,
                 # Numbers the messages; sessions here have no time stamps.
                 sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
+                congestion_control=_WAIT,
             )
         else:
-            self._publisher = session.declare_publisher(key)
+            self._publisher = session.declare_publisher(key, congestion_control=_WAIT)
         token = naming.token(first.topic, first.kind, own_id, entity, first.latched)
         self._token = session.liveliness().declare_token(token)
 
