@@ -52,7 +52,7 @@ class Handle:
 
 @dataclass(frozen=True)
 class TwinJoint:
-    """One joint of furniture that a robot can drive: a door, a lever.
+    """One joint of furniture that a robot can move: a door, a lever.
 
     Axis and anchor in the world are `MjData.xaxis` and `MjData.xanchor` of the MuJoCo joint of the same name.
 
@@ -147,7 +147,7 @@ class TwinModel:
         objects: Everything that was perceived.
         support_height: Height of the table top in [m].
         scene_stamp: Time of the frame that it was built from in [s].
-        joints: Joints of furniture that a robot can drive; the furniture itself is among `objects`, not movable.
+        joints: Joints of furniture that a robot can move; the furniture itself is among `objects`, not movable.
         compartments: Insides of furniture.
         gripper: What the hand is.
     """

@@ -1,4 +1,4 @@
-"""Ways to drive a joint by its handle: from the joint's kinematics and the handle's shape alone.
+"""Ways to move an articulated object by its handle: from the joint's kinematics and the handle's shape alone.
 
 A hand takes the handle from many sides, by closing around it or by caging it loosely (a hook that cannot slip off
 sideways), and goes along with it. The handle's path is given by the joint; how far the hand turns with it is free: a
@@ -20,7 +20,7 @@ from control.trajectory.samples import FINGERS, GripperCommand, PathSegment
 from control.twin_model import TwinJoint
 
 SHARES = (0.5, 0.25, 0.75, 0.0, 1.0)  # of a hinge's rotation that the hand follows
-DRIVE_STEP = 0.02  # [m] of the handle between waypoints
+HANDLE_STEP = 0.02  # [m] of the handle between waypoints
 PRESS = 0.01  # share of a joint's range that it is pressed on at an end of it: 5 mm at a door's handle
 NARROW_SPARE = 0.010  # [m] that fingers open beyond a bar where they have to go between it and its door
 LEAVE = (BACK_OFF, 0.06, 0.04)  # [m] back from a handle that was let go; the least clears the bar with the fingertips
@@ -36,12 +36,12 @@ AT_ONCE = 24  # grasps that are taken along together
 ROUGH_STEPS = 5  # stations of a first look along the joint's path
 
 
-DRIVE_FROM_END = 2  # how far the driving itself is from the end of `drive_segments`
+ALONG_FROM_END = 2  # index from the end of the segment that moves the joint, in `handle_segments`
 
 
 @dataclass(frozen=True)
-class ReadyDrive:
-    """A way to drive the joint that the arm can follow without touching anything but the handle.
+class HandleMotion:
+    """A motion of the joint by its handle that the arm can follow without touching anything but the handle.
 
     Attributes:
         arrive: From pre-grasp to the handle, shape (n, 7).
@@ -72,27 +72,27 @@ def pressed_home(joint: TwinJoint, goal: float) -> float:
     return goal + beyond * (opened - closed)
 
 
-def drive_segments(drive: ReadyDrive, joint: str, reach: np.ndarray, gripper_width: float) -> tuple[PathSegment, ...]:
-    """Reach, take hold, drive, let go and leave.
+def handle_segments(move: HandleMotion, joint: str, reach: np.ndarray, gripper_width: float) -> tuple[PathSegment, ...]:
+    """Reach, take hold, move the joint, let go and leave.
 
     Args:
-        drive: What follows the free path.
+        move: What follows the free path.
         joint: Name of the joint.
         reach: To the pre-grasp, shape (n, 7).
         gripper_width: Distance between the pads at the start in [m].
     """
-    opens = abs(drive.opening - gripper_width) > 0.002
-    hold = GripperCommand("grasp", drive.width) if drive.grip else GripperCommand("move", drive.width + CAGE)
+    opens = abs(move.opening - gripper_width) > 0.002
+    hold = GripperCommand("grasp", move.width) if move.grip else GripperCommand("move", move.width + CAGE)
     touching = ((joint, FINGERS),)
     return (
-        PathSegment("reach", reach, GripperCommand("move", drive.opening) if opens else None),
-        PathSegment("approach", drive.arrive, hold, None, touching, MEDIUM),
-        PathSegment("drive", drive.along, GripperCommand("move", drive.opening), None, touching, SLOW),
-        PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),
+        PathSegment("reach", reach, GripperCommand("move", move.opening) if opens else None),
+        PathSegment("approach", move.arrive, hold, None, touching, MEDIUM),
+        PathSegment("drive", move.along, GripperCommand("move", move.opening), None, touching, SLOW),
+        PathSegment("retreat", move.leave, None, None, touching, MEDIUM),
     )
 
 
-def continued_drives(context: PlanningContext, joint: TwinJoint, goal: float, opening: float) -> list[ReadyDrive]:
+def continued_moves(context: PlanningContext, joint: TwinJoint, goal: float, opening: float) -> list[HandleMotion]:
     """Ways to take the joint on from where it stands to a goal, the hand being at its handle already.
 
     Args:
@@ -104,7 +104,7 @@ def continued_drives(context: PlanningContext, joint: TwinJoint, goal: float, op
     motion, width = JointMotion.of(context.twin, joint), 2 * joint.handle.half_width
     tool, q = context.filter.tcp_pose(context.start_q), context.start_q
     reach = motion.lever(tool[:3, 3]) * abs(goal - motion.start)
-    positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
+    positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / HANDLE_STEP)) + 1))
     out = []
     for share in SHARES if motion.hinge else (0.0,):
         targets = motion.carried_all(tool[None], positions[1:], np.array([share]))
@@ -114,8 +114,8 @@ def continued_drives(context: PlanningContext, joint: TwinJoint, goal: float, op
             continue
         path = np.vstack([q[None], along[0]])
         leave = np.vstack([path[-1:], leaves[0]])
-        out.append(ReadyDrive(q[None], path, positions, leave, opening, width, True, f"on, turning {share:.0%}"))
-    return sorted(out, key=lambda drive: path_length(drive.along))
+        out.append(HandleMotion(q[None], path, positions, leave, opening, width, True, f"on, turning {share:.0%}"))
+    return sorted(out, key=lambda move: path_length(move.along))
 
 
 _Row = tuple[int, float]  # which grasp (and solution), share of the rotation
@@ -167,10 +167,10 @@ class Holds:
         """Number of stations that the best of the holds looked at so far comes by."""
         return max(self._passed.values(), default=0)
 
-    def ready(self, stations: int = ROUGH_STEPS) -> list[ReadyDrive]:
+    def ready(self, stations: int = ROUGH_STEPS) -> list[HandleMotion]:
         """Up to `MOST_READY` ways to bring the joint to a station, the goal by default; least motion first."""
         shares = SHARES if self._motion.hinge else (0.0,)
-        out: list[tuple[float, ReadyDrive]] = []
+        out: list[tuple[float, HandleMotion]] = []
         for first in range(0, len(self._order), AT_ONCE):
             rows = [(i, share) for i in self._order[first : first + AT_ONCE] for share in shares]
             self._look_at([row for row in rows if row not in self._passed])
@@ -179,7 +179,7 @@ class Holds:
             out += self._taken_along(self._free(promising), float(self.stations[stations - 1]))
             if len(out) >= MOST_READY:
                 break
-        return [drive for _, drive in sorted(out, key=lambda row: row[0])]
+        return [move for _, move in sorted(out, key=lambda row: row[0])]
 
     def _look_at(self, rows: list[_Row]) -> None:
         """See how many stations some holds come by, in a few large steps; few of them come by all."""
@@ -198,7 +198,7 @@ class Holds:
             for n in np.flatnonzero(ok):
                 row = rows[left[n]]
                 fits = askew[left[n], k] <= ASKEW
-                if fits and context.filter.clear(along[n][0], Phase.DRIVE, self._grasps[row[0]].width, at):
+                if fits and context.filter.clear(along[n][0], Phase.ARTICULATE, self._grasps[row[0]].width, at):
                     q[left[n]] = along[n][0]
                     self._passed[row] = k + 1
                     on.append(left[n])
@@ -212,13 +212,13 @@ class Holds:
         self._bench.counts["grasps_free"] += sum(o is not None for o in openings.values())
         return [(i, share, opening) for i, share in rows if (opening := openings[i]) is not None]
 
-    def _taken_along(self, rows: list[tuple[int, float, float]], goal: float) -> list[tuple[float, ReadyDrive]]:
+    def _taken_along(self, rows: list[tuple[int, float, float]], goal: float) -> list[tuple[float, HandleMotion]]:
         """Free ways along the joint's path and out, with their efforts."""
         if not rows:
             return []
         context, motion = self._bench, self._motion
         reach = motion.lever(self._grasps[rows[0][0]].world_T_tcp[:3, 3]) * abs(goal - motion.start)
-        positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / DRIVE_STEP)) + 1))
+        positions = np.linspace(motion.start, goal, max(3, int(np.ceil(reach / HANDLE_STEP)) + 1))
         targets = self._targets([(i, share) for i, share, _ in rows], positions[1:])
         along, ok = context.follow(np.array([self._solutions[i] for i, _, _ in rows]), list(targets))
         leaves, ok_leave = ways_off(context, along, [t[-1] for t in targets])
@@ -239,8 +239,8 @@ class Holds:
                 if not grip and not _hooked(motion, grasp.world_T_tcp, targets[n][-1], goal):
                     continue
                 text = f"{grasp.text}, hand turns {share:.0%} of the way, {'grip' if grip else 'hook'}"
-                drive = ReadyDrive(arrive, path, positions, leave, opening, grasp.width, grip, text)
-                out.append((effort + (0.0 if grip else CAGE_EFFORT), drive))
+                move = HandleMotion(arrive, path, positions, leave, opening, grasp.width, grip, text)
+                out.append((effort + (0.0 if grip else CAGE_EFFORT), move))
         return out
 
     def _targets(self, rows: list[_Row], positions: np.ndarray) -> np.ndarray:
@@ -302,7 +302,7 @@ def free_along(
     """Whether the hand, the joint's body and the way out keep their distances; the end is looked at first."""
     check, at = context.filter, JointAt(float(positions[-1]))
     for k in reversed(range(len(along))):
-        if not check.clear(along[k], Phase.DRIVE, width, JointAt(float(positions[k]))):
+        if not check.clear(along[k], Phase.ARTICULATE, width, JointAt(float(positions[k]))):
             return False
     return (
         check.clear(along[-1], Phase.GRASP, opening, at)

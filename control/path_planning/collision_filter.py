@@ -24,7 +24,8 @@ from control.twin_model import (
 )
 
 PLANNING_MARGIN = 0.003  # [m] on top of the judged clearances: what smoothing, tracking and sampling may eat
-DRIVE_MARGIN = 0.006  # [m] more between hand and door or handle while a joint is driven: loaded servos and doors lag
+# [m] more between hand and door or handle while the hand moves a joint: loaded servos and doors lag
+ARTICULATION_MARGIN = 0.006
 NEAR_MARGIN = 0.001  # [m], the same for the last stretch to a grasp between close walls: slow, short and straight
 SELF_TOLERANCE = 0.001  # [m] between what is planned and what is judged of the robot's own parts
 HAND_TO_GRASPED = 0.004  # [m] between the hand (not its fingers) and the object that it grasps
@@ -41,7 +42,7 @@ class Phase(IntEnum):
     GRASP = 1  # fingers around the object, which stands on its own
     CARRY = 2  # the object moves with the hand, away from everything
     CONTACT = 3  # the object moves with the hand and may touch what carries it
-    DRIVE = 4  # fingers at the handle of a joint, which moves with the hand
+    ARTICULATE = 4  # fingers at the handle of a joint, which moves with the hand
     RETREAT = 5  # the object moves with the hand, out of what is close to it where it stands
 
 
@@ -52,7 +53,7 @@ class _Kind(IntEnum):
     OBJECT = 3
     BASE = 4  # links that cannot be moved away from the mounting
     SUPPORT = 5
-    PANEL = 6  # what moves with a driven joint, its handle apart
+    PANEL = 6  # what moves with the joint, its handle apart
 
 
 _OUTSIDE = (_Kind.WORLD, _Kind.SUPPORT)
@@ -416,11 +417,12 @@ def _thresholds(safety: SafetyLimits, margin: float) -> np.ndarray:
         if phase in (Phase.CARRY, Phase.CONTACT, Phase.RETREAT):
             t[_Kind.OBJECT, _Kind.WORLD] = t[_Kind.OBJECT, _Kind.BASE] = held
             t[_Kind.OBJECT, _Kind.SUPPORT] = -PRESSED if phase == Phase.CONTACT else held
-        # A panel keeps off the hand in every phase; while it is driven, it and its handle keep off the world as well.
+        # A panel keeps off the hand in every phase; while the hand moves it, the panel and its handle keep off the
+        # world as well.
         t[_Kind.ARM, _Kind.PANEL], t[_Kind.FINGER, _Kind.PANEL] = arm, finger
-        if phase == Phase.DRIVE:
-            t[_Kind.ARM, _Kind.PANEL] += DRIVE_MARGIN
-            t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED + DRIVE_MARGIN
+        if phase == Phase.ARTICULATE:
+            t[_Kind.ARM, _Kind.PANEL] += ARTICULATION_MARGIN
+            t[_Kind.ARM, _Kind.OBJECT] = HAND_TO_GRASPED + ARTICULATION_MARGIN
             for part in (_Kind.OBJECT, _Kind.PANEL):
                 t[part, _Kind.WORLD] = t[part, _Kind.SUPPORT] = t[part, _Kind.BASE] = held
         table[phase] = np.maximum(t, t.T)

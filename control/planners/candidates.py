@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from control.grasping.articulated_objects import DRIVE_FROM_END, ROUGH_STEPS, Holds, ReadyDrive, drive_segments
+from control.grasping.articulated_objects import ALONG_FROM_END, ROUGH_STEPS, HandleMotion, Holds, handle_segments
 from control.grasping.grasps import pose, tcp_frame
 from control.grasping.picking import MEDIUM, SLOW, ReadyGrasp, diverse, pick_segments, reach_path, ready_grasps
 from control.grasping.placing import ReadyPlace, offered_places, ready_pairs
@@ -43,7 +43,7 @@ class Candidate:
         segments: The joint path in pieces, first waypoint = the twin's start.
         description: For people: which grasp, which place.
         preference: Lower is better; joint motion in [rad] and extras.
-        joint_ends: Where the driven joint should stand in [rad] or [m] when a segment ends, by the segment's index.
+        joint_ends: Where the joint should stand in [rad] or [m] when a segment ends, by the segment's index.
     """
 
     segments: tuple[PathSegment, ...]
@@ -177,7 +177,7 @@ def _drives(context: PlanningContext) -> Iterator[Candidate]:
     goal = joint.position(context.subtask.amount)
     holds = Holds(context, joint, goal)
     found, shorter = False, []
-    for candidate in _driven(context, joint.name, [holds.ready()]):
+    for candidate in _articulated(context, joint.name, [holds.ready()]):
         found = True
         yield candidate
     # As far as one hold goes, or a little less.
@@ -190,16 +190,16 @@ def _drives(context: PlanningContext) -> Iterator[Candidate]:
             shorter.append(first)
             between = float(holds.stations[stations - 1])
             second = Holds(context, joint, goal, between, first[0].leave[-1]).ready()
-            for candidate in _driven(context, joint.name, [first, second]):
+            for candidate in _articulated(context, joint.name, [first, second]):
                 found = True
                 yield candidate
     if not found:
-        free = (first for first in shorter if next(_driven(context, joint.name, [first]), None) is not None)
+        free = (first for first in shorter if next(_articulated(context, joint.name, [first]), None) is not None)
         ends = (joint.fraction(float(first[0].positions[-1])) for first in free)
         context.driven_to = next(ends, None)
 
 
-def _driven(context: PlanningContext, joint: str, legs: list[list[ReadyDrive]]) -> Iterator[Candidate]:
+def _articulated(context: PlanningContext, joint: str, legs: list[list[HandleMotion]]) -> Iterator[Candidate]:
     """Holds joined by free ways, one of each leg in turn; with RRT-connect only where nothing else is free."""
     for planner in (False, True):
         found = False
@@ -207,28 +207,28 @@ def _driven(context: PlanningContext, joint: str, legs: list[list[ReadyDrive]]) 
         # Best with best first, then one of them second best, and so on.
         ranks = sorted(product(*(range(len(leg)) for leg in legs)), key=sum)
         for rank in islice((r for r in ranks if r[0] not in blocked), PLANNED if planner else JOINED):
-            drives = [leg[i] for leg, i in zip(legs, rank, strict=True)]
+            moves = [leg[i] for leg, i in zip(legs, rank, strict=True)]
             context.counts["pairs"] += 1
             segments: list[PathSegment] = []
             ends: dict[int, float] = {}
             q, width, effort = context.start_q, context.twin.gripper_width, 0.0
-            for drive in drives:
-                at = JointAt(float(drive.positions[0]))
-                reach = context.way(q, drive.arrive[0], Phase.FREE, max(width, drive.opening), at, planner)
+            for move in moves:
+                at = JointAt(float(move.positions[0]))
+                reach = context.way(q, move.arrive[0], Phase.FREE, max(width, move.opening), at, planner)
                 if reach is None:
-                    if drive is drives[0]:
+                    if move is moves[0]:
                         blocked.add(rank[0])
                     break
-                segments += drive_segments(drive, joint, reach, width)
-                ends[len(segments) - DRIVE_FROM_END] = float(drive.positions[-1])
-                q, width = drive.leave[-1], drive.opening
-                effort += path_length(reach) + path_length(drive.along)
+                segments += handle_segments(move, joint, reach, width)
+                ends[len(segments) - ALONG_FROM_END] = float(move.positions[-1])
+                q, width = move.leave[-1], move.opening
+                effort += path_length(reach) + path_length(move.along)
             else:
-                at = JointAt(float(drives[-1].positions[-1]))
+                at = JointAt(float(moves[-1].positions[-1]))
                 home = context.way(q, np.array(REST_Q), Phase.FREE, width, at, planner)
                 if home is not None:
                     found = True
-                    text = ", then ".join(d.text for d in drives)
+                    text = ", then ".join(m.text for m in moves)
                     segments.append(PathSegment("home", home))
                     yield Candidate(tuple(segments), f"drive ({text})", effort + path_length(home), ends)
         if found:

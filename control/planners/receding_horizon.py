@@ -21,7 +21,7 @@ from itertools import islice
 import mujoco
 import numpy as np
 
-from control.grasping.articulated_objects import continued_drives
+from control.grasping.articulated_objects import continued_moves
 from control.grasping.picking import MEDIUM, SLOW
 from control.path_planning.collision_filter import JointAt, Phase
 from control.path_planning.planning_context import PlanningContext, path_length
@@ -147,17 +147,17 @@ def _driven_on(context: PlanningContext, opened: GripperCommand) -> Iterator[Can
     joint = context.twin.joint(str(context.subtask.subject))
     assert joint is not None
     goal = joint.position(context.subtask.amount)
-    for drive in continued_drives(context, joint, goal, opened.width):
-        home = context.way(drive.leave[-1], np.array(REST_Q), Phase.FREE, drive.opening, JointAt(goal), planner=True)
+    for move in continued_moves(context, joint, goal, opened.width):
+        home = context.way(move.leave[-1], np.array(REST_Q), Phase.FREE, move.opening, JointAt(goal), planner=True)
         if home is None:
             continue
         touching = ((joint.name, FINGERS),)
         segments = (
-            PathSegment("drive", drive.along, opened, None, touching, SLOW),
-            PathSegment("retreat", drive.leave, None, None, touching, MEDIUM),
+            PathSegment("drive", move.along, opened, None, touching, SLOW),
+            PathSegment("retreat", move.leave, None, None, touching, MEDIUM),
             PathSegment("home", home),
         )
-        yield Candidate(segments, drive.text, path_length(drive.along) + path_length(home), {0: goal})
+        yield Candidate(segments, move.text, path_length(move.along) + path_length(home), {0: goal})
 
 
 def twin_at(twin: TwinModel, tried: Tried, departure: Departure) -> TwinModel:

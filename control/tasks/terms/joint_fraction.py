@@ -56,7 +56,7 @@ class SetJointFraction(TermDefinition):
         return motions.handle_way(term.subject, term.number)[..., None]
 
     def asks_of_hand(self, term: RewardTerm) -> HandTask:
-        """Drive the joint by its handle."""
+        """Move the joint by its handle."""
         return HandTask("drive", term.subject, None, term.number)
 
     def excludes(self, term: RewardTerm, other: RewardTerm, layout: Layout) -> str:

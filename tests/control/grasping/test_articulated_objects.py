@@ -1,4 +1,4 @@
-"""Doors, sliding doors and levers are driven by their handles: cleanly, as far as asked, and nothing else moves."""
+"""Doors, sliding doors and levers are moved by their handles: cleanly, as far as asked, and nothing else moves."""
 
 from functools import cache
 
@@ -192,6 +192,6 @@ def test_the_filter_sees_what_the_swinging_door_would_hit():
     twin = furnished("cabinet", CABINET, 0.62, 0.0, 0.0, {}, post)
     look = CollisionFilter(twin, SAFETY, "cabinet_left_door")
     rest = np.array(REST_Q)
-    assert look.clear(rest, Phase.DRIVE, 0.08, JointAt(0.0))
-    assert not look.clear(rest, Phase.DRIVE, 0.08, JointAt(0.6))
+    assert look.clear(rest, Phase.ARTICULATE, 0.08, JointAt(0.0))
+    assert not look.clear(rest, Phase.ARTICULATE, 0.08, JointAt(0.6))
     assert look.rejected_by["post"] == 1
