@@ -52,7 +52,7 @@ def run_sim_cell(
     connect: bool = False,
     state_rate: float = STATE_RATE,
     speed: float = 1.0,
-    supervision: MonitorLimits | None = None,
+    monitor_limits: MonitorLimits | None = None,
     score: bool = False,
     parent_pid: int | None = None,
     leash: Leash | None = None,
@@ -67,7 +67,7 @@ def run_sim_cell(
         security, connect: As in `hw_interface.link.transport.open_robot_session`.
         state_rate: States a second to publish, 1 to 1000.
         speed: Robot time per wall time while moving, 0 = as fast as possible.
-        supervision: Where the driver stops by itself.
+        monitor_limits: Where the driver stops by itself.
         score: Offer to a scorer what truly stands there and is seen.
         parent_pid: End when this process has ended.
         leash: To end the loop from elsewhere; None makes one.
@@ -76,7 +76,7 @@ def run_sim_cell(
         ConfigError: Endpoint, port, speed or world are not valid.
     """
     backend = SimBackend(world.model, world.data, gate.gripper)
-    driver = Driver(backend, gate, cell_name, supervision)
+    driver = Driver(backend, gate, cell_name, monitor_limits)
 
     def take_frame(camera: str) -> RgbdFrame:
         colour, depth, world_T_camera, intrinsics = world.render(camera)

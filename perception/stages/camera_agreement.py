@@ -1,4 +1,4 @@
-"""What all cameras together say of one name: one thing or several, a contradiction, or why it was not seen."""
+"""What all cameras together say of one name: one thing or several, a conflict of shapes, or why it was not seen."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from perception.geometry.prepared_frame import PreparedFrame
 from perception.interfaces import Detector, ShapeDetector
 from perception.known_shapes.forms import KnownForm
 from perception.stages.known_shapes_first import may_have
-from perception.stages.shape_conflicts import contradicted
+from perception.stages.shape_conflicts import shape_conflict
 from perception.tracking.instances import group_by_thing, instance_name
 from perception.tracking.merging import merge
 
@@ -56,7 +56,7 @@ def agreed(
         return "; ".join(dict.fromkeys(view.missing[name] for view in views))
     all_seen = [o for view in seen for o in view]
     if instances == 1 and len(frames) > 1 and isinstance(detector, ShapeDetector):
-        against = contradicted(phrase, all_seen, frames, detector)
+        against = shape_conflict(phrase, all_seen, frames, detector)
         if against:
             return against
     # One name for one thing: what disagrees is a mistake, which `merge` leaves out.

@@ -16,7 +16,7 @@ from perception.interfaces import Detection, ShapeDetector
 APART = 0.03  # how far apart two views of one thing may seem beyond their spreads and half its size, in [m]
 
 
-def contradicted(
+def shape_conflict(
     phrase: str, seen: Sequence[ObjectEstimate], frames: Sequence[PreparedFrame], detector: ShapeDetector
 ) -> str | None:
     """Why what some cameras saw is not of the shape that its noun says, or None if the others do not object.

@@ -147,7 +147,7 @@ def test_options_are_switched_by_name():
         (("[red_cube]", "[Red-Cube]"), "match pattern"),
     ],
 )
-def test_contradictions_are_refused(write, change, message):
+def test_conflicting_entries_are_refused(write, change, message):
     with pytest.raises(ConfigError, match=message):
         load_cell(write(SMALLEST.replace(*change)))
 
