@@ -5,6 +5,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.gripper import PANDA_HAND, GripperModel
 
@@ -41,9 +42,9 @@ class Handle:
 
     body: str
     shape: Literal["capsule", "box"]
-    centre: np.ndarray
-    axis: np.ndarray
-    outward: np.ndarray
+    centre: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    outward: NDArray[np.float64]
     half_length: float
     half_width: float
     half_depth: float
@@ -74,8 +75,8 @@ class TwinJoint:
     kind: Literal["hinge", "slide"]
     closed: float
     opened: float
-    axis: np.ndarray
-    anchor: np.ndarray
+    axis: NDArray[np.float64]
+    anchor: NDArray[np.float64]
     handle: Handle
 
     def position(self, fraction: float) -> float:
@@ -99,9 +100,9 @@ class TwinCompartment:
     """
 
     owner: str
-    low: np.ndarray
-    high: np.ndarray
-    outward: np.ndarray
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    outward: NDArray[np.float64]
     joints: tuple[str, ...]
 
 
@@ -124,12 +125,12 @@ class TwinObject:
 
     name: str
     shape: Literal["box", "cylinder", "sphere"]
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     movable: bool
     container: bool
     inner_floor: float
     inner_radius: float
-    position_std: np.ndarray
+    position_std: NDArray[np.float64]
     yaw_std: float
     handle: Handle | None = None
 
@@ -153,8 +154,8 @@ class TwinModel:
     """
 
     model: mujoco.MjModel
-    qpos: np.ndarray
-    q: np.ndarray
+    qpos: NDArray[np.float64]
+    q: NDArray[np.float64]
     gripper_width: float
     held: str | None
     objects: tuple[TwinObject, ...]

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 Shape = Literal["box", "cylinder", "sphere"]
 
@@ -24,7 +25,7 @@ class Evidence:
 
     camera: str
     box_px: np.ndarray
-    mask: np.ndarray
+    mask: NDArray[np.bool_]
     depth_share: float
     source: str
 
@@ -55,17 +56,17 @@ class ObjectEstimate:
 
     name: str
     phrase: str
-    world_T_object: np.ndarray
-    extents: np.ndarray
+    world_T_object: NDArray[np.float64]
+    extents: NDArray[np.float64]
     shape: Shape
-    position_std: np.ndarray
+    position_std: NDArray[np.float64]
     yaw_std: float
     score: float
     stamp: float
     evidence: tuple[Evidence, ...] = ()
     joint_fractions: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     joint_stds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    extents_std: np.ndarray | None = None
+    extents_std: NDArray[np.float64] | None = None
     colour: str | None = None
 
     @property

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import FrameError
 
@@ -58,10 +59,10 @@ class RgbdFrame:
         FrameError: Sizes disagree with the intrinsics, wrong types, or a pose that is not rigid.
     """
 
-    colour: np.ndarray
-    depth: np.ndarray
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.floating]
     intrinsics: CameraIntrinsics
-    world_T_camera: np.ndarray
+    world_T_camera: NDArray[np.float64]
     stamp: float
     camera: str = "camera"
 

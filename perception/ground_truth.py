@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.estimates import Shape
 
@@ -28,11 +29,11 @@ class TrueObject:
     """
 
     name: str
-    world_T_object: np.ndarray
-    extents: np.ndarray | None = None
+    world_T_object: NDArray[np.float64]
+    extents: NDArray[np.float64] | None = None
     shape: Shape | None = None
-    mask: np.ndarray | None = None
-    box_px: np.ndarray | None = None
+    mask: NDArray[np.bool_] | None = None
+    box_px: NDArray[np.float64] | None = None
     visible_share: float = 1.0
     joint_fractions: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
@@ -63,9 +64,9 @@ class StandingThing:
     """
 
     name: str
-    world_T_object: np.ndarray
-    extents: np.ndarray
-    velocity: np.ndarray
+    world_T_object: NDArray[np.float64]
+    extents: NDArray[np.float64]
+    velocity: NDArray[np.float64]
     fixed: bool
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.frames import RgbdFrame
 
@@ -25,11 +26,11 @@ class Detection:
     """
 
     phrase: str
-    box_px: np.ndarray
+    box_px: NDArray[np.float64]
     score: float
-    seed: np.ndarray | None = None
+    seed: NDArray[np.bool_] | None = None
     behind: np.ndarray | None = None
-    rest: np.ndarray | None = None
+    rest: NDArray[np.bool_] | None = None
 
 
 class Detector(Protocol):

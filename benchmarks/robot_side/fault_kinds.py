@@ -93,7 +93,8 @@ def _wake(pid: int) -> None:
 def _freeze_supervisor(scene: Scene) -> None:
     pid = scene.side.supervisor.pid
     os.kill(pid, signal.SIGSTOP)
-    time.sleep(float(scene.rng.uniform(0.5, 2.0)))
+    # Longer than the supervisor may stand still in a motion; a box in lockstep waits through a shorter pause.
+    time.sleep(float(scene.rng.uniform(1.2, 2.5)))
     os.kill(pid, signal.SIGCONT)
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.grasping.grasps import pose
 from control.robot.rotations import rotation_exp
@@ -23,10 +24,10 @@ class JointMotion:
     """
 
     hinge: bool
-    axis: np.ndarray
-    anchor: np.ndarray
+    axis: NDArray[np.float64]
+    anchor: NDArray[np.float64]
     start: float
-    world_T_body: np.ndarray
+    world_T_body: NDArray[np.float64]
 
     @classmethod
     def of(cls, twin: TwinModel, joint: TwinJoint, position: float | None = None) -> "JointMotion":

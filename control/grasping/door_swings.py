@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.twin_model import TwinModel
 
@@ -25,7 +26,7 @@ class Swing:
     """
 
     owner: str
-    centre: np.ndarray
+    centre: NDArray[np.float64]
     radius: float
     middle: float
     half_angle: float

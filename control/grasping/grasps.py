@@ -8,6 +8,7 @@ the horizontal (pitch 25 degrees): hands that face forward near a table drive jo
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.gripper import PANDA_HAND, GripperModel
 from control.safety.limits import SafetyLimits
@@ -54,8 +55,8 @@ class Grasp:
         pitch: Angle of the approach below the horizontal in [rad].
     """
 
-    world_T_tcp: np.ndarray
-    approach: np.ndarray
+    world_T_tcp: NDArray[np.float64]
+    approach: NDArray[np.float64]
     width: float
     pitch: float
 

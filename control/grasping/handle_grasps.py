@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.grasping.grasps import pose, tcp_frame
 from control.twin_model import Handle
@@ -24,7 +25,7 @@ class HandleGrasp:
         text: For people.
     """
 
-    world_T_tcp: np.ndarray
+    world_T_tcp: NDArray[np.float64]
     width: float
     text: str
 

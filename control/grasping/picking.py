@@ -9,6 +9,7 @@ hand takes the object from the side. All keep the clearances of the safety table
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.grasping.grasps import BETWEEN_WALLS, USUAL, Grasp, grasps
 from control.grasping.retreat import WayOut, ways_out
@@ -48,9 +49,9 @@ class ReadyGrasp:
     """
 
     grasp: Grasp | None
-    q: np.ndarray
-    arrive: np.ndarray
-    lift: np.ndarray
+    q: NDArray[np.float64]
+    arrive: NDArray[np.float64]
+    lift: NDArray[np.float64]
     held: Held
     opening: float
     width: float
@@ -90,10 +91,10 @@ class _Ways:
     """
 
     grasps: list[Grasp]
-    q: np.ndarray
+    q: NDArray[np.float64]
     outwards: list[np.ndarray]
     upwards: list[np.ndarray]
-    efforts: np.ndarray
+    efforts: NDArray[np.float64]
 
 
 def _usual(context: PlanningContext, body: PosedObject, outs: list[WayOut]) -> list[ReadyGrasp]:

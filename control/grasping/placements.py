@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.grasping.door_swings import Swing
 from control.safety.limits import SafetyLimits
@@ -29,7 +30,7 @@ class Placement:
         text: For people.
     """
 
-    world_T_object: np.ndarray
+    world_T_object: NDArray[np.float64]
     preference: float
     text: str
 

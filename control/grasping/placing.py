@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.grasping.door_swings import door_swings
 from control.grasping.picking import BACK_OFF, LEAST_DOWN, SPARE_OPENING, ReadyGrasp, turn_asked
@@ -38,8 +39,8 @@ class ReadyPlace:
     """
 
     placement: Placement
-    lower: np.ndarray
-    leave: np.ndarray
+    lower: NDArray[np.float64]
+    leave: NDArray[np.float64]
     opening: float
 
 

@@ -8,6 +8,7 @@ stands in furniture leaves through the opening. The object may stay as close to 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.path_planning.collision_filter import Phase
 from control.path_planning.planning_context import PlanningContext, straight_targets
@@ -33,7 +34,7 @@ class WayOut:
         moves: Displacements in the world in [m], shape (k, 3).
     """
 
-    moves: np.ndarray
+    moves: NDArray[np.float64]
 
     @property
     def length(self) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import MotionFileError
 from control.trajectory.samples import GripperEvent, Trajectory, TrajectorySegment
@@ -52,15 +53,15 @@ class MotionFile:
 
     path: Path
     source: str
-    times: np.ndarray
-    q: np.ndarray
+    times: NDArray[np.floating]
+    q: NDArray[np.float64]
     joint_names: tuple[str, ...]
     row_word: str
-    row_numbers: np.ndarray
-    qd: np.ndarray | None = None
-    qdd: np.ndarray | None = None
-    gripper_width: np.ndarray | None = None
-    gripper_force: np.ndarray | None = None
+    row_numbers: NDArray[np.int64]
+    qd: NDArray[np.float64] | None = None
+    qdd: NDArray[np.float64] | None = None
+    gripper_width: NDArray[np.float64] | None = None
+    gripper_force: NDArray[np.float64] | None = None
     trajectory: Trajectory | None = None
     notes: tuple[str, ...] = ()
 

@@ -11,6 +11,7 @@ from enum import IntEnum
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.safety.limits import SafetyLimits
 from control.twin_model import (
@@ -69,7 +70,7 @@ class Held:
         tcp_T_object: Pose of the object's body in the frame of the tool centre point, shape (4, 4).
     """
 
-    tcp_T_object: np.ndarray
+    tcp_T_object: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

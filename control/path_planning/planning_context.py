@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import ConfigError
 from control.path_planning.collision_filter import NEAR_MARGIN, CollisionFilter, ObjectAt, Phase, body_name
@@ -52,10 +53,10 @@ class PlanningContext:
     supports: tuple[str, ...] = field(init=False)
     filter: CollisionFilter = field(init=False)
     vias: list[np.ndarray] = field(init=False)
-    rest_palm: np.ndarray = field(init=False)
+    rest_palm: NDArray[np.float64] = field(init=False)
     counts: Counter[str] = field(default_factory=Counter)
     driven_to: float | None = None
-    _base_T_world: np.ndarray = field(init=False)
+    _base_T_world: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
         data = self.twin.start()

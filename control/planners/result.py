@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.trajectory.samples import JointPath
 
@@ -39,5 +40,5 @@ class MotionPlan:
     description: str
     cost: float
     stats: MotionStats
-    end: np.ndarray | None = None
+    end: NDArray[np.float64] | None = None
     alternatives: tuple[JointPath, ...] = ()

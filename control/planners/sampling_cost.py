@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.path_planning.collision_filter import free_joint_address
 from control.robot.kinematics import ArmKinematics
@@ -167,9 +168,9 @@ class _Motions:
         handles: Where each joint's handle is, by name.
     """
 
-    qpos: np.ndarray
-    palm: np.ndarray
-    rest_palm: np.ndarray
+    qpos: NDArray[np.float64]
+    palm: NDArray[np.float64]
+    rest_palm: NDArray[np.float64]
     support_height: float
     start: Mapping[str, PosedObject]
     free: Mapping[str, int | None]
@@ -203,9 +204,9 @@ class _HandlePath:
     joint: TwinJoint
     column: int
     start: float
-    axis: np.ndarray
-    anchor: np.ndarray
-    centre: np.ndarray
+    axis: NDArray[np.float64]
+    anchor: NDArray[np.float64]
+    centre: NDArray[np.float64]
 
     @classmethod
     def of(cls, twin: TwinModel, data: mujoco.MjData, joint: TwinJoint) -> "_HandlePath":

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 SplineOrder = Literal["linear", "cubic"]
 
@@ -27,8 +28,8 @@ class SplineBasis:
         slopes: Speeds in [1/s] of the same, shape (T, K + 1).
     """
 
-    values: np.ndarray
-    slopes: np.ndarray
+    values: NDArray[np.float64]
+    slopes: NDArray[np.float64]
 
     @classmethod
     def of(cls, order: SplineOrder, points: int, horizon: float, times: np.ndarray) -> "SplineBasis":

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.limits import RobotLimits, VelocityEnds
 from control.safety.limits import SafetyLimits
@@ -26,11 +27,11 @@ class MotionBounds:
         speed_share: Share of the published joint speeds that `qd` is.
     """
 
-    qd: np.ndarray
-    qdd: np.ndarray
-    qddd: np.ndarray
-    tau: np.ndarray
-    taud: np.ndarray
+    qd: NDArray[np.float64]
+    qdd: NDArray[np.float64]
+    qddd: NDArray[np.float64]
+    tau: NDArray[np.float64]
+    taud: NDArray[np.float64]
     hand: tuple[float, float, float]
     turn: tuple[float, float, float]
     ends: VelocityEnds | None

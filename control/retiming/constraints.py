@@ -26,6 +26,7 @@ from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.retiming.bounds import MotionBounds
 from control.retiming.initial_guess import InitialGuess
@@ -69,12 +70,12 @@ class RowBlock:
         tight: Factor on squared lengths by group and point, shape (groups, n), 1 = the limits themselves.
     """
 
-    stencil: np.ndarray
+    stencil: NDArray[np.float64]
     coefficients: tuple[np.ndarray, ...]
-    constant: np.ndarray
+    constant: NDArray[np.float64]
     sizes: tuple[int, ...]
     rate: bool
-    tight: np.ndarray
+    tight: NDArray[np.float64]
 
     @property
     def places(self) -> int:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -23,7 +24,7 @@ class InitialGuess:
         cell: Length of a cell in [s].
     """
 
-    coefficients: np.ndarray
+    coefficients: NDArray[np.float64]
     cell: float
 
     @property

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from control.retiming.constraints import RowBlock
@@ -154,7 +155,7 @@ class _Push:
         vectors: v of the groups that are vectors, k arrays of shape (groups - scalars, n).
     """
 
-    lever: np.ndarray
+    lever: NDArray[np.float64]
     directions: tuple[np.ndarray, ...]
     vectors: list[np.ndarray]
 
@@ -172,10 +173,10 @@ class _State:
     """
 
     block: RowBlock
-    u: np.ndarray
-    linear: np.ndarray
-    squares: np.ndarray
-    slack: np.ndarray
+    u: NDArray[np.float64]
+    linear: NDArray[np.float64]
+    squares: NDArray[np.float64]
+    slack: NDArray[np.float64]
 
     @classmethod
     def of(cls, block: RowBlock, beta: np.ndarray) -> "_State":
@@ -258,7 +259,7 @@ class PathTiming:
     """
 
     start: InitialGuess
-    beta: np.ndarray
+    beta: NDArray[np.float64]
 
     @cached_property
     def passed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import savgol_filter
 
@@ -44,11 +45,11 @@ class SmoothPath:
     """
 
     spline: BSpline
-    breaks: np.ndarray
+    breaks: NDArray[np.float64]
     deviation: float
-    waypoints: np.ndarray
-    passed: np.ndarray
-    lengths: np.ndarray
+    waypoints: NDArray[np.int64]
+    passed: NDArray[np.float64]
+    lengths: NDArray[np.float64]
 
     @property
     def length(self) -> float:

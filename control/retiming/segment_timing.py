@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter1d
 
 from control.errors import RetimingError
@@ -209,8 +210,8 @@ def _named(limit: str, joint: int | None) -> str:
 class _Near:
     """Cells of an initial guess in which torques, and the hand, come near their limits: masks of shape (cells,)."""
 
-    torque: np.ndarray
-    hand: np.ndarray
+    torque: NDArray[np.bool_]
+    hand: NDArray[np.bool_]
 
 
 class _TimingSearch:
@@ -336,9 +337,9 @@ class _Samples:
         all_seen: Whether the rigid-body model was asked for every sample.
     """
 
-    q: np.ndarray
-    parameter: np.ndarray
-    s: np.ndarray
+    q: NDArray[np.float64]
+    parameter: NDArray[np.float64]
+    s: NDArray[np.float64]
     utilisation: dict[str, np.ndarray]
     stretch: float
     all_seen: bool

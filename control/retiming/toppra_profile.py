@@ -18,6 +18,7 @@ it fails for a move of 1e-7 rad. The library is imported when first used, as it 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import RetimingError
 
@@ -36,12 +37,12 @@ class PathBounds:
         cap: Largest x, shape (n,), above 0.
     """
 
-    s: np.ndarray
-    a: np.ndarray
-    b: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    cap: np.ndarray
+    s: NDArray[np.float64]
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    cap: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class ToppraProfile:
         speed: s' at the grid, shape (n,).
     """
 
-    s: np.ndarray
-    t: np.ndarray
-    speed: np.ndarray
+    s: NDArray[np.float64]
+    t: NDArray[np.float64]
+    speed: NDArray[np.float64]
 
     @property
     def duration(self) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import ConfigError
 from control.robot.description import TCP_FRAME, arm_model
@@ -47,11 +48,11 @@ class IkSolutions:
         rotation_error: In [rad], shape (m,).
     """
 
-    pose: np.ndarray
-    q: np.ndarray
-    margin: np.ndarray
-    position_error: np.ndarray
-    rotation_error: np.ndarray
+    pose: NDArray[np.int64]
+    q: NDArray[np.float64]
+    margin: NDArray[np.float64]
+    position_error: NDArray[np.float64]
+    rotation_error: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,12 @@ class ArmKinematics:
         q_min, q_max: Joint limits in [rad], shape (7,).
     """
 
-    offsets: np.ndarray
-    turns: np.ndarray
-    tool_offset: np.ndarray
-    tool_turn: np.ndarray
-    q_min: np.ndarray
-    q_max: np.ndarray
+    offsets: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    tool_offset: NDArray[np.float64]
+    tool_turn: NDArray[np.float64]
+    q_min: NDArray[np.float64]
+    q_max: NDArray[np.float64]
 
     @classmethod
     def from_urdf(cls, path: Path | None = None, gripper: GripperModel = PANDA_HAND) -> "ArmKinematics":

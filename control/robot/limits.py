@@ -6,6 +6,7 @@ The numbers stand in the files of profiles/, which `control.robot.profiles` read
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.gripper import PANDA_HAND, GripperModel
 
@@ -32,10 +33,10 @@ class VelocityEnds:
         deceleration: Braking that is counted on in [rad/s^2], shape (7,).
     """
 
-    q_low: np.ndarray
-    q_high: np.ndarray
-    offset: np.ndarray
-    deceleration: np.ndarray
+    q_low: NDArray[np.float64]
+    q_high: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    deceleration: NDArray[np.float64]
 
     def largest(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Largest speeds upwards and downwards in [rad/s] at positions in [rad], both of the shape of q, (..., 7)."""
@@ -64,13 +65,13 @@ class RobotLimits:
 
     profile: str
     firmware: str
-    q_min: np.ndarray
-    q_max: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-    qddd: np.ndarray
-    tau: np.ndarray
-    taud: np.ndarray
+    q_min: NDArray[np.float64]
+    q_max: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    qdd: NDArray[np.float64]
+    qddd: NDArray[np.float64]
+    tau: NDArray[np.float64]
+    taud: NDArray[np.float64]
     cartesian_speed: float
     cartesian_acceleration: float
     cartesian_jerk: float

@@ -28,6 +28,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.safety.certificate import CheckResult
 from control.safety.limits import SafetyLimits
@@ -56,10 +57,10 @@ class Contacts:
         force: Magnitude in [N], shape (k,).
     """
 
-    step: np.ndarray
+    step: NDArray[np.int64]
     pairs: tuple[tuple[str, str], ...]
-    pair: np.ndarray
-    force: np.ndarray
+    pair: NDArray[np.int64]
+    force: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Clearances:
         nearest: What is at that distance, k names.
     """
 
-    step: np.ndarray
+    step: NDArray[np.int64]
     lack: dict[str, np.ndarray]
     bodies: dict[str, tuple[str, ...]]
     distance: dict[str, np.ndarray]
@@ -115,8 +116,8 @@ class TwinMotion:
         robot: Points of the robot; None leaves the tool centre point alone.
     """
 
-    time: np.ndarray
-    tcp: np.ndarray
+    time: NDArray[np.floating]
+    tcp: NDArray[np.float64]
     objects: dict[str, np.ndarray]
     contacts: Contacts
     held: tuple[HeldSpan, ...] = ()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TCP_SITE
 
@@ -28,8 +29,8 @@ class RobotTrack:
     """
 
     bodies: tuple[str, ...]
-    radius: np.ndarray
-    points: np.ndarray
+    radius: NDArray[np.float64]
+    points: NDArray[np.float64]
 
     @classmethod
     def of_hand(cls, tcp: np.ndarray) -> "RobotTrack":

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco import batch as mjbatch
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,10 @@ class SimulatedBatch:
     """
 
     models: tuple[mujoco.MjModel, ...]
-    qpos: np.ndarray
-    qvel: np.ndarray
-    warmstart: np.ndarray
-    controls: np.ndarray
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    warmstart: NDArray[np.float64]
+    controls: NDArray[np.float64]
     nthread: int
 
     @property

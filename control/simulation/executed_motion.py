@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.simulation.motion_recording import contact_names
 from control.trajectory.samples import GripperCommand, JointPath, PathSegment
@@ -47,9 +48,9 @@ class MotionPiece:
         contact: What was touched at the end.
     """
 
-    arm: np.ndarray
-    closed: np.ndarray
-    width: np.ndarray
+    arm: NDArray[np.float64]
+    closed: NDArray[np.bool_]
+    width: NDArray[np.float64]
     contact: Contact
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.limits import RobotLimits
 from control.safety.residuals import HeldSpan
@@ -39,9 +40,9 @@ class Commands:
         handled: What the fingers are at and when, by step: an object, or a joint by its handle.
     """
 
-    arm: np.ndarray
-    arm_speed: np.ndarray
-    finger: np.ndarray
+    arm: NDArray[np.float64]
+    arm_speed: NDArray[np.float64]
+    finger: NDArray[np.float64]
     held: tuple[HeldSpan, ...]
     free: tuple[tuple[int, int], ...] = ()
     stops: tuple[tuple[int, int], ...] = ()
@@ -172,10 +173,10 @@ class Rollout:
     """
 
     model: mujoco.MjModel
-    time: np.ndarray
-    qpos: np.ndarray
-    qvel: np.ndarray
-    ctrl: np.ndarray
+    time: NDArray[np.floating]
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    ctrl: NDArray[np.float64]
     commands: Commands
 
     @property

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 VERTICAL_TOLERANCE = 0.015  # [m], of a contact between two perceived boxes: two heights with 5 mm error each, and slack
 EDGE_MARGIN = 0.005  # [m] by which a centre must lie inside the footprint that carries it: nearer, it would tip
@@ -18,9 +19,9 @@ class Inside:
         outward: Unit vector along x or y from the inside through the opening, shape (3,).
     """
 
-    low: np.ndarray
-    high: np.ndarray
-    outward: np.ndarray
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    outward: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,15 +44,15 @@ class PosedObject:
     """
 
     name: str
-    pose: np.ndarray
-    extents: np.ndarray
+    pose: NDArray[np.float64]
+    extents: NDArray[np.float64]
     shape: Literal["box", "cylinder", "sphere"] = "box"
     container: bool = False
     inner_floor: float = 0.0
     inner_radius: float = 0.0
     inside: Inside | None = None
     tracked: bool = True
-    handles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    handles: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def position(self) -> np.ndarray:

@@ -11,6 +11,7 @@ accelerations with r^2 and jerks with r^3, however small r is: the samples are r
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import TrajectoryError
 from control.trajectory.samples import SAMPLE_TIME, GripperEvent, Trajectory, TrajectorySegment
@@ -34,10 +35,10 @@ class Playback:
     """
 
     trajectory: Trajectory
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-    clock: np.ndarray
+    q: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    qdd: NDArray[np.float64]
+    clock: NDArray[np.float64]
 
     @classmethod
     def of(cls, trajectory: Trajectory, rate: float = 1.0) -> "Playback":

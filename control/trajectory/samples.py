@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import TrajectoryError
 from control.robot.limits import JOINT_NAMES
@@ -44,7 +45,7 @@ class PathSegment:
     """
 
     name: str
-    q: np.ndarray
+    q: NDArray[np.float64]
     gripper: GripperCommand | None = None
     held: str | None = None
     touching: tuple[tuple[str, str], ...] = ()
@@ -112,9 +113,9 @@ class Trajectory:
         TrajectoryError: Wrong shapes, fewer than two samples, or a number that is not finite (naming row and joint).
     """
 
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
+    q: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    qdd: NDArray[np.float64]
     gripper: tuple[GripperEvent, ...] = ()
     segments: tuple[TrajectorySegment, ...] = ()
     joint_names: tuple[str, ...] = JOINT_NAMES

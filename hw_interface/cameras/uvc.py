@@ -62,7 +62,7 @@ class UvcSource:
         stamp = time.time() - self._latency
         if not there:
             raise CameraFailedError(f"camera {self._device} gave no picture; it was unplugged, or its file has ended")
-        colour = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+        colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
         depth = np.full(colour.shape[:2], np.nan, np.float32)
         return Shot(RgbdFrame(colour, depth, self._intrinsics, NO_POSE, stamp))
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.trajectory.samples import GripperCommand
 
@@ -21,9 +22,9 @@ class Measured:
         contact_force: Estimated force on the arm and hand, fingers not counted, in [N]; None where it is not measured.
     """
 
-    q: np.ndarray
-    qd: np.ndarray
-    tau: np.ndarray
+    q: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    tau: NDArray[np.float64]
     gripper_width: float
     gripper_busy: bool
     grasped: bool

@@ -10,6 +10,7 @@ from types import TracebackType
 
 import numpy as np
 import zenoh
+from numpy.typing import NDArray
 
 from control.errors import RefusedError, RobotGoneError, StoppedError
 from control.safety.certificate import Certificate
@@ -62,7 +63,8 @@ from perception.ground_truth import CellTruth, FrameTruth
 __all__ = ["CellClient", "ExecutionReport", "MotionProgress", "SimProcess", "start_sim_process"]
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
-CAMERA_TIMEOUT = 5.0  # [s]; a camera process answers, if with a refusal, within its own much shorter limit
+# [s]; a camera process answers, if with a refusal, within its own much shorter limit. The rest is for stalls.
+CAMERA_TIMEOUT = 15.0
 # [s] on the robot's clock, after the wire; camera processes themselves allow far less. A simulated cell stands still
 # with its process, so its picture shows what is there now, however long a stalling machine had it under way.
 MAX_FRAME_AGE, MAX_SIMULATED_FRAME_AGE = 2.0, 30.0
@@ -107,12 +109,12 @@ class ExecutionReport:
     played: int
     samples: int
     max_tracking_error: float
-    times: np.ndarray
-    q_d: np.ndarray
-    q: np.ndarray
-    tau: np.ndarray
-    gripper_width: np.ndarray
-    speed: np.ndarray
+    times: NDArray[np.float64]
+    q_d: NDArray[np.float64]
+    q: NDArray[np.float64]
+    tau: NDArray[np.float64]
+    gripper_width: NDArray[np.float64]
+    speed: NDArray[np.float64]
     final_state: RobotState
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.description import FLANGE_FRAME, TCP_FRAME, arm_model, without_hand
 from control.robot.description_files import panda_urdf
@@ -21,8 +22,8 @@ class RigidLoad:
     """
 
     mass: float
-    com: np.ndarray
-    inertia: np.ndarray
+    com: NDArray[np.float64]
+    inertia: NDArray[np.float64]
 
 
 NO_LOAD = RigidLoad(0.0, np.zeros(3), np.zeros((3, 3)))

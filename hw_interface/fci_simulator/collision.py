@@ -7,6 +7,7 @@ pair holds depends on whether the set point accelerates. Source: libfranka, `rob
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Mean |ddq_d| in [rad/s^2] from which on the thresholds for accelerating hold. Not published.
 ACCELERATING = 0.05
@@ -16,10 +17,10 @@ ACCELERATING = 0.05
 class Levels:
     """Thresholds of one phase: torques of the joints [Nm], shape (7,); force [N] and torque [Nm] at K, shape (6,)."""
 
-    lower_torque: np.ndarray
-    upper_torque: np.ndarray
-    lower_force: np.ndarray
-    upper_force: np.ndarray
+    lower_torque: NDArray[np.float64]
+    upper_torque: NDArray[np.float64]
+    lower_force: NDArray[np.float64]
+    upper_force: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

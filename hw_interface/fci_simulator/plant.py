@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.gripper import PANDA_HAND, GripperModel
 from control.trajectory.samples import SAMPLE_TIME
@@ -32,12 +33,12 @@ class JointReadings:
             not counted; positive where the robot pushes: tau = (torque of the robot's own model) + tau_ext.
     """
 
-    q: np.ndarray
-    dq: np.ndarray
-    tau: np.ndarray
-    dtau: np.ndarray
-    drive: np.ndarray
-    tau_ext: np.ndarray
+    q: NDArray[np.float64]
+    dq: NDArray[np.float64]
+    tau: NDArray[np.float64]
+    dtau: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    tau_ext: NDArray[np.float64]
 
 
 class Plant:

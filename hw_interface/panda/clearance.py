@@ -11,6 +11,7 @@ Rows count the milliseconds of a motion, as the rows of `control.trajectory.play
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import RefusedError
 from control.robot.limits import RobotLimits
@@ -36,7 +37,7 @@ class Clearance:
     """
 
     first: int
-    progress: np.ndarray
+    progress: NDArray[np.float64]
     planned: int
 
     @property

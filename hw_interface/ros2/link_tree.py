@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from control.errors import ConfigError
@@ -27,8 +28,8 @@ class LinkPose:
 
     parent: str
     child: str
-    position: np.ndarray
-    quaternion: np.ndarray
+    position: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
 
     @classmethod
     def of(cls, parent: str, child: str, pose: np.ndarray) -> "LinkPose":

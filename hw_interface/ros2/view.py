@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.gripper import GripperModel
 from control.robot.limits import JOINT_NAMES
@@ -61,7 +62,7 @@ class MountedCamera:
 
     name: str
     parent: str
-    parent_T_camera: np.ndarray
+    parent_T_camera: NDArray[np.float64]
 
 
 def optical_frame(camera: str) -> str:

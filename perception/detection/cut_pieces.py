@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 NEARER = 0.006  # what hides a thing is nearer by this in [m] at least: by more than the noise of some hundred pixels
 LARGEST_GAP = 0.5  # what is hidden between two pieces is at most this share of them: more is a guess
@@ -25,8 +26,8 @@ class CutBlob:
         behind: Where it goes on behind something nearer, bool, same shape; None if nothing cuts it.
     """
 
-    pixels: np.ndarray
-    behind: np.ndarray | None = None
+    pixels: NDArray[np.bool_]
+    behind: NDArray[np.bool_] | None = None
 
     @property
     def whole(self) -> np.ndarray:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.detection.nms import box_iou
 from perception.estimates import ObjectEstimate
@@ -34,9 +35,9 @@ class ScoredQuestion:
         truth: Boxes of what truly is there, in [px], shape (m, 4); m is 0 where the phrase was asked for in vain.
     """
 
-    boxes: np.ndarray
-    scores: np.ndarray
-    truth: np.ndarray
+    boxes: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    truth: NDArray[np.float64]
 
     def right(self, iou: float = RIGHT_IOU) -> np.ndarray:
         """Which boxes are right, bool, shape (n,)."""

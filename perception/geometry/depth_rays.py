@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -19,12 +20,12 @@ class DepthRays:
         pixel: Which pixel (row, column), int, shape (n, 2).
     """
 
-    origin: np.ndarray
-    direction: np.ndarray
-    distance: np.ndarray
-    std: np.ndarray
-    frame: np.ndarray
-    pixel: np.ndarray
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    std: NDArray[np.float64]
+    frame: NDArray[np.int64]
+    pixel: NDArray[np.int64]
 
     @property
     def points(self) -> np.ndarray:

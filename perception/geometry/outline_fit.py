@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.frames import RgbdFrame
 from perception.geometry.solid_outlines import outline_distance, project
@@ -37,8 +38,8 @@ class Observation:
     """
 
     frame: RgbdFrame
-    outline: np.ndarray
-    points: np.ndarray
+    outline: NDArray[np.float64]
+    points: NDArray[np.float64]
     point_std: float
     patches: float
     top: float
@@ -88,8 +89,8 @@ class Minimum:
         cost: Sum of squares of everything but the prior, of any x, with the robust weights of the minimum.
     """
 
-    x: np.ndarray
-    covariance: np.ndarray
+    x: NDArray[np.floating]
+    covariance: NDArray[np.floating]
     rms: float
     cost: Callable[[np.ndarray], float]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.cloud import largest_cluster
 from perception.geometry.free_form import box_around, is_explained, with_cut_top
@@ -50,14 +51,14 @@ class MaskedCloud:
         contour: Border pixels (x, y) of the whole, in order, int, shape (m, 2).
     """
 
-    mask: np.ndarray
-    used: np.ndarray
-    points: np.ndarray
+    mask: NDArray[np.bool_]
+    used: NDArray[np.bool_]
+    points: NDArray[np.float64]
     depth_share: float
     depth_std: float
     end: LowerEnd
-    whole: np.ndarray
-    contour: np.ndarray
+    whole: NDArray[np.bool_]
+    contour: NDArray[np.int32]
 
     @property
     def lowest(self) -> float:

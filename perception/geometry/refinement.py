@@ -7,6 +7,7 @@ what is known about them beforehand, and what their spreads mean for place and s
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.outline_fit import Minimum, Observation, minimise
 from perception.geometry.solid_outlines import box_corners, sphere_rim
@@ -31,10 +32,10 @@ class Refined:
     """
 
     solid: Solid
-    position_std: np.ndarray
+    position_std: NDArray[np.float64]
     yaw_std: float
     outline_rms: float
-    extents_std: np.ndarray
+    extents_std: NDArray[np.float64]
 
 
 def refine(solid: Solid, seen: Observation) -> Refined:

@@ -8,6 +8,7 @@ things, their symmetry (their hidden back).
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.estimates import Shape
 
@@ -24,9 +25,9 @@ class Solid:
     """
 
     shape: Shape
-    centre: np.ndarray
+    centre: NDArray[np.floating]
     yaw: float
-    extents: np.ndarray
+    extents: NDArray[np.float64]
 
     @property
     def pose(self) -> np.ndarray:

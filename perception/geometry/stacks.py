@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import fit_box
@@ -39,9 +40,9 @@ class StackPart:
         sizes: Of the upright box around it, sides of the ground that it covers and height, in [m], shape (3,).
     """
 
-    pixels: np.ndarray
-    rest: np.ndarray
-    sizes: np.ndarray
+    pixels: NDArray[np.bool_]
+    rest: NDArray[np.bool_]
+    sizes: NDArray[np.float64]
 
     @property
     def covered(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.depth_rays import joined
 from perception.geometry.prepared_frame import PreparedFrame
@@ -38,11 +39,11 @@ class KnownFit:
     """
 
     model: KnownModel
-    x: np.ndarray
-    world_T_model: np.ndarray
-    position_std: np.ndarray
+    x: NDArray[np.float64]
+    world_T_model: NDArray[np.float64]
+    position_std: NDArray[np.float64]
     yaw_std: float
-    fraction_std: np.ndarray
+    fraction_std: NDArray[np.float64]
     agreeing: float
     pixels: tuple[np.ndarray, ...]
     stride: int

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.depth_rays import DepthRays
 from perception.geometry.solids import Solid
@@ -37,11 +38,11 @@ class FormFit:
     """
 
     form: KnownForm
-    x: np.ndarray
+    x: NDArray[np.float64]
     bottom: float
-    covariance: np.ndarray
+    covariance: NDArray[np.float64]
     agreeing: float
-    rays: np.ndarray
+    rays: NDArray[np.int64]
 
     @property
     def extents(self) -> np.ndarray:

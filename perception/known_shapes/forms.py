@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class FormSolid:
     """
 
     kind: Literal["box", "cylinder", "capsule", "ellipsoid"]
-    half: np.ndarray
-    pose: np.ndarray
+    half: NDArray[np.float64]
+    pose: NDArray[np.float64]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Signed distance of points in the form's frame to its surface in [m], negative inside, shape (n,).
@@ -59,5 +60,5 @@ class KnownForm:
     """
 
     noun: str
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     build: Callable[[np.ndarray], Sequence[FormSolid]]

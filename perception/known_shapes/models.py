@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.solids import Solid
 
@@ -23,8 +24,8 @@ class KnownBox:
             half balls; in a box of three like sides that is a ball.
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
     rounded: bool = False
 
 
@@ -43,8 +44,8 @@ class KnownPart:
 
     name: str
     kind: Literal["hinge", "slide"]
-    anchor: np.ndarray
-    axis: np.ndarray
+    anchor: NDArray[np.float64]
+    axis: NDArray[np.float64]
     opened: float
     boxes: tuple[KnownBox, ...]
 
@@ -71,7 +72,7 @@ class KnownModel:
     """
 
     name: str
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     boxes: tuple[KnownBox, ...]
     parts: tuple[KnownPart, ...] = ()
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.depth_rays import DepthRays
 from perception.geometry.prepared_frame import PreparedFrame
@@ -51,9 +52,9 @@ class Marks:
         mark: From -1 empty over 0 unknown to +1 surface, shape (nx, ny, nz).
     """
 
-    low: np.ndarray
+    low: NDArray[np.float64]
     cell: float
-    mark: np.ndarray
+    mark: NDArray[np.float32]
 
     def place(self, ix: int, iy: int, border: int) -> tuple[float, float]:
         """Place (x, y) in [m] of a step (ix, iy) of the grid of places inside of a rim of `border` cubes."""

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.depth_rays import DepthRays
 from perception.known_shapes.models import KnownBox
@@ -18,8 +19,8 @@ class Hits:
         normal: Of the surface that is met, outwards, unit, in the frame of the boxes; 0 where nothing is, shape (n, 3).
     """
 
-    distance: np.ndarray
-    normal: np.ndarray
+    distance: NDArray[np.float64]
+    normal: NDArray[np.float64]
 
 
 def cast(rays: DepthRays, world_T_frame: np.ndarray, boxes: Iterable[KnownBox]) -> Hits:

@@ -8,6 +8,7 @@ nothing.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.depth_rays import DepthRays
 from perception.geometry.support import SupportPlane
@@ -27,9 +28,9 @@ class Prediction:
         normal: Of the face met in the world, shape (n, 3).
     """
 
-    distance: np.ndarray
-    group: np.ndarray
-    normal: np.ndarray
+    distance: NDArray[np.float64]
+    group: NDArray[np.int64]
+    normal: NDArray[np.float64]
 
 
 class RayScene:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from perception.geometry.depth_rays import DepthRays
@@ -25,9 +26,9 @@ class ResidualCluster:
         low, high: Corners of the box around it in the world in [m], shape (3,).
     """
 
-    which: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    which: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 def distance_to_known(rays: DepthRays, table: SupportPlane, standing: Sequence[KnownFit]) -> np.ndarray:

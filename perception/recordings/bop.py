@@ -125,7 +125,7 @@ class BopScene(Recording):
             pose = np.linalg.inv(_rigid(camera, "cam_R_w2c", "cam_t_w2c", where))
         else:
             pose = camera_above_plane(metres, lens)
-        return RgbdFrame(colour, metres, lens, pose, float(number), self._folder.name)
+        return RgbdFrame(np.asarray(colour, np.uint8), metres, lens, pose, float(number), self._folder.name)
 
     def _truth(self, number: int, frame: RgbdFrame) -> FrameTruth:
         entries, infos = self._truths[number], self._infos.get(number, [])

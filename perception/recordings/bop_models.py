@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from perception.errors import FrameError
 
@@ -29,9 +30,9 @@ class BopModel:
         turns: Further poses, model_T_model, in which it looks the same, each of shape (4, 4).
     """
 
-    extents: np.ndarray
-    centre: np.ndarray
-    round_about: np.ndarray | None = None
+    extents: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    round_about: NDArray[np.float64] | None = None
     turns: tuple[np.ndarray, ...] = ()
 
 

@@ -68,7 +68,7 @@ class PngFolder(Recording):
         else:
             world_T_camera = camera_above_plane(metres, self._file.intrinsics)
         return RgbdFrame(
-            cv2.cvtColor(colour, cv2.COLOR_BGR2RGB),
+            np.asarray(cv2.cvtColor(colour, cv2.COLOR_BGR2RGB), np.uint8),
             metres,
             self._file.intrinsics,
             world_T_camera,

@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import FrameError
 from perception.frames import CameraIntrinsics
@@ -22,7 +23,7 @@ class Lens:
     """
 
     intrinsics: CameraIntrinsics
-    distortion: np.ndarray | None = None
+    distortion: NDArray[np.float64] | None = None
 
     def straight_colour(self, colour: np.ndarray) -> np.ndarray:
         """A colour picture as a lens without distortion would take it; shape (height, width, 3)."""

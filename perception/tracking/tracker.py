@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from perception.estimates import ObjectEstimate
@@ -63,7 +64,7 @@ class Track:
 
     name: str
     estimate: ObjectEstimate
-    weight: np.ndarray
+    weight: NDArray[np.float64]
     yaw_weight: float
     seen: int = 1
     still: int = 1

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import FrameError
 
@@ -63,8 +64,8 @@ class Sample:
         things: What it shows.
     """
 
-    colour: np.ndarray
-    labels: np.ndarray
+    colour: NDArray[np.uint8]
+    labels: NDArray[np.uint8]
     things: tuple[Thing, ...]
 
 
@@ -124,7 +125,7 @@ class Shards:
         things = tuple(
             Thing(int(r[2]), int(r[3]), int(r[1]), int(counts[r[1]]), bool(r[9])) for r in self._things[index]
         )
-        return Sample(np.ascontiguousarray(colour[:, :, ::-1]), labels, things)
+        return Sample(np.ascontiguousarray(colour[:, :, ::-1], np.uint8), np.asarray(labels, np.uint8), things)
 
 
 def _words(meta: dict) -> Words:
@@ -166,7 +167,7 @@ def cropped(sample: Sample, size: tuple[int, int], rng: np.random.Generator, lea
         for t in sample.things
         if left[t.label] > 0
     )
-    return Sample(np.ascontiguousarray(colour), np.ascontiguousarray(labels), things)
+    return Sample(np.ascontiguousarray(colour, np.uint8), np.ascontiguousarray(labels, np.uint8), things)
 
 
 def tinted(colour: np.ndarray, rng: np.random.Generator) -> np.ndarray:

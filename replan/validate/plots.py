@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.limits import RobotLimits
 from control.safety.limits import SafetyLimits
@@ -32,10 +33,10 @@ class Quantity:
 
     name: str
     unit: str
-    values: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    share: np.ndarray
+    values: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    share: NDArray[np.float64]
 
 
 def joint_quantities(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.twin_model import Handle, TwinCompartment, TwinJoint
 from sim_check.objects.solids import SolidShape
@@ -53,8 +54,8 @@ class MovingPart:
 
     name: str
     kind: Literal["hinge", "slide"]
-    anchor: np.ndarray
-    axis: np.ndarray
+    anchor: NDArray[np.float64]
+    axis: NDArray[np.float64]
     opened: float
     boards: tuple[Board, ...]
     mass: float
@@ -82,7 +83,7 @@ class FurnitureModel:
 
     name: str
     kind: str
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     boards: tuple[Board, ...]
     parts: tuple[MovingPart, ...]
     compartments: tuple[TwinCompartment, ...]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import ConfigError
 from control.robot.description_files import panda_description
@@ -32,9 +33,9 @@ class ColouredMesh:
         colour: Red, green, blue, alpha from 0 to 1, shape (4,).
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    colour: np.ndarray
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    colour: NDArray[np.float64]
 
 
 def add_pictures(spec: mujoco.MjSpec, links: Sequence[UrdfLink], group: int, cache: Path | None = None) -> None:

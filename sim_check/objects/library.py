@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import ConfigError
 from control.twin_model import Handle
@@ -53,10 +54,10 @@ class ObjectModel:
     name: str
     noun: str | None
     shape: Shape
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     solids: tuple[SolidShape, ...]
     mass: float
-    friction: np.ndarray
+    friction: NDArray[np.float64]
     rolls: bool
     movable: bool
     container: bool

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.twin_model import Handle
 
@@ -23,9 +24,9 @@ class SolidShape:
     """
 
     kind: SolidKind
-    half: np.ndarray
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    quat: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+    half: NDArray[np.float64]
+    position: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    quat: NDArray[np.float64] = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
 
     @property
     def volume(self) -> float:
@@ -50,7 +51,7 @@ class Built:
     """
 
     solids: tuple[SolidShape, ...]
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     inner_floor: float = 0.0
     inner_radius: float = 0.0
     handle: Handle | None = None

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from control.robot.limits import REST_Q
 from control.twin_model import ARM_BODIES, ARM_JOINTS
@@ -91,8 +92,8 @@ class Seen:
 
     thing: RandomThing
     label: int
-    world_T_object: np.ndarray
-    box_px: np.ndarray
+    world_T_object: NDArray[np.float64]
+    box_px: NDArray[np.int64]
     pixels: int
     visible_share: float
     joint_fractions: dict[str, float]
@@ -112,12 +113,12 @@ class LabelledPicture:
         world_T_camera: Optical frame, shape (4, 4).
     """
 
-    colour: np.ndarray
-    depth: np.ndarray
-    labels: np.ndarray
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    labels: NDArray[np.uint8]
     seen: tuple[Seen, ...]
     intrinsics: CameraIntrinsics
-    world_T_camera: np.ndarray
+    world_T_camera: NDArray[np.float64]
 
 
 class RandomScenes:

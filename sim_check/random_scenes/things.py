@@ -8,6 +8,7 @@ about what is absent keep away from both.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.catalogue.catalogue import Catalogue, builtin_catalogue
 from perception.catalogue.entries import Carries, DrawnEntry
@@ -41,7 +42,7 @@ class RandomThing:
     colour: str
     alike: frozenset[str]
     unsaid_colours: tuple[str, ...]
-    extents: np.ndarray
+    extents: NDArray[np.float64]
     shape: Shape
     carries: Carries | None = None
     lies: float = 0.0

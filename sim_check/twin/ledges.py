@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_check.objects.solids import SolidShape
 from sim_check.twin.placed import Fixed, Standing
@@ -25,8 +26,8 @@ class Ledge:
     """
 
     top: float
-    centre: np.ndarray
-    sides: np.ndarray
+    centre: NDArray[np.float64]
+    sides: NDArray[np.float64]
 
 
 def furniture_ledges(furniture: Fixed) -> list[Ledge]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_check.furniture.model import FurnitureModel
 from sim_check.objects.library import ObjectModel
@@ -18,7 +19,7 @@ class Standing:
     """
 
     thing: ObjectModel
-    pose: np.ndarray
+    pose: NDArray[np.float64]
 
     @property
     def top(self) -> float:
@@ -42,5 +43,5 @@ class Fixed:
     """
 
     thing: FurnitureModel
-    pose: np.ndarray
+    pose: NDArray[np.float64]
     fractions: dict[str, float]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.safety.certificate import CheckResult
 from control.safety.limits import SafetyLimits
@@ -36,7 +37,7 @@ class ReplayQuestion:
     spec: RewardSpec | None
     handled: frozenset[str]
     safety: SafetyLimits
-    rest_palm: np.ndarray
+    rest_palm: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

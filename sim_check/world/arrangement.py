@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.errors import ConfigError
 from perception.catalogue.catalogue import builtin_catalogue
@@ -180,9 +181,9 @@ class _Outline:
         radius: Of the circle in [m], else 0.
     """
 
-    centre: np.ndarray
-    axes: np.ndarray
-    half: np.ndarray
+    centre: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    half: NDArray[np.float64]
     radius: float
 
 

@@ -37,6 +37,8 @@ HERE = (
     "disk full",
 )
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:

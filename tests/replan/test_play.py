@@ -51,6 +51,7 @@ def replan(client: CellClient, *arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(command(client, *arguments), capture_output=True, text=True, check=False)
 
 
+@pytest.mark.real_time
 def test_a_motion_is_played_with_progress_and_a_report(client: CellClient):
     motion = from_here(client, 0.6, 0.05)
     lines: list[str] = []
@@ -76,6 +77,7 @@ def test_a_robot_that_stops_by_itself_is_told_with_what_to_do(client: CellClient
         play(motion, certificate(motion), client.endpoint, lambda line: None)
 
 
+@pytest.mark.real_time
 def test_the_command_plays_exactly_the_file(client: CellClient, tmp_path: Path):
     motion = from_here(client, 0.4, 0.02)
     done = replan(client, "play", *files(tmp_path, motion), "--json")
@@ -106,6 +108,7 @@ def test_a_certificate_that_is_none_is_a_usage_error(client: CellClient, tmp_pat
     assert done.returncode == 2 and "is no certificate: field 'serial'" in done.stderr
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("number", "code", "told"),
     [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "SIGTERM"), (signal.SIGHUP, 129, "SIGHUP")],
@@ -130,6 +133,7 @@ def test_whoever_ends_the_command_has_the_arm_rest_on_the_path(
     assert np.abs(motion.q - np.array(state.q_d)).max(axis=1).min() < 1e-3
 
 
+@pytest.mark.real_time
 def test_the_speed_is_changed_from_another_terminal_while_it_moves(client: CellClient):
     motion = from_here(client, 40.0, 0.3)  # ended as soon as the speed has changed
     lines: list[str] = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control.tasks.posed_object import PosedObject
 
@@ -38,8 +39,8 @@ class SceneState:
     """
 
     objects: Mapping[str, PosedObject]
-    palm: np.ndarray
-    rest_palm: np.ndarray
+    palm: NDArray[np.float64]
+    rest_palm: NDArray[np.float64]
     start_objects: Mapping[str, PosedObject] | None
     support_height: float
     fractions: Mapping[str, float]

@@ -82,7 +82,7 @@ def test_a_program_whose_heart_has_stopped_is_lost_though_its_link_lives(session
         clock.now += 0.01
         looks += 1
     assert looks * 0.01 == pytest.approx(BEAT_LEASE, abs=0.02)
-    assert "was not heard for 0.5 s: it is frozen, its link is cut, or it computes without letting its other" in why
+    assert "was not heard for 1.0 s: it is frozen, its link is cut, or it computes without letting its other" in why
     assert lease.lost(patience=60.0) is None, "a simulation has more patience"
     token.undeclare()
 

@@ -23,6 +23,8 @@ from hw_interface.messages.wire import PROTOCOL_VERSION, decode, encode, seal
 from tests.support.robot_side.hw_support import idle_client, robot_process, robot_thread
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture(scope="module")
 def robot() -> Iterator[SimProcess]:

@@ -40,6 +40,7 @@ def client(robot: SimProcess) -> Iterator[CellClient]:
         yield client
 
 
+@pytest.mark.real_time
 def test_a_motion_is_played_to_its_end_with_progress(client: CellClient):
     motion = from_here(client, 0.6, 0.05)
     seen = []
@@ -53,14 +54,16 @@ def test_a_motion_is_played_to_its_end_with_progress(client: CellClient):
     assert len(played) > 10 and played == sorted(played) and played[-1] == len(motion.q)
 
 
+@pytest.mark.real_time
 def test_a_motion_at_pace_one_takes_its_own_time(client: CellClient):
     motion = from_here(client, 1.0, -0.05)
     begun = time.monotonic()
     client.execute(motion, certificate(motion))
-    # Never faster; the slack above is for a busy machine.
-    assert 0.97 <= time.monotonic() - begun < 3.0
+    # Never faster; how much slower depends on the machine.
+    assert time.monotonic() - begun >= 0.97
 
 
+@pytest.mark.real_time
 def test_a_motion_is_played_at_the_speed_that_is_asked_for(client: CellClient):
     motion = from_here(client, 0.5, 0.05)
     seen: list[MotionProgress] = []
@@ -73,6 +76,7 @@ def test_a_motion_is_played_at_the_speed_that_is_asked_for(client: CellClient):
     assert report.final_state.speed == 0.0 and report.final_state.speed_wanted == 0.5
 
 
+@pytest.mark.real_time
 def test_the_speed_of_a_motion_changes_while_it_is_played(client: CellClient):
     motion = from_here(client, 1.5, 0.1)
     threading.Timer(0.5, lambda: client.set_speed(0.4)).start()
@@ -135,6 +139,7 @@ def test_an_unknown_camera_is_named_with_those_that_exist(client: CellClient):
         client.frames(["top"])
 
 
+@pytest.mark.real_time
 def test_a_stop_in_a_motion_ends_execute_and_needs_an_acknowledgement(client: CellClient):
     motion = from_here(client, 3.0, 0.3)
     threading.Timer(0.8, client.stop).start()
@@ -152,6 +157,7 @@ def test_a_stop_in_a_motion_ends_execute_and_needs_an_acknowledgement(client: Ce
     assert client.execute(again, certificate(again)).completed
 
 
+@pytest.mark.real_time
 def test_ctrl_c_brings_the_arm_to_rest_before_it_is_raised(client: CellClient):
     motion = from_here(client, 3.0, 0.3)
     threading.Timer(0.8, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
@@ -161,6 +167,7 @@ def test_ctrl_c_brings_the_arm_to_rest_before_it_is_raised(client: CellClient):
     assert state.mode == "stopped" and not any(state.qd)
 
 
+@pytest.mark.real_time
 def test_a_fault_of_the_watching_program_brings_the_arm_to_rest(client: CellClient):
     motion = from_here(client, 3.0, 0.3)
 
@@ -299,6 +306,7 @@ def test_garbage_on_every_key_is_refused_and_does_nothing(robot: SimProcess, cli
     assert client.execute(motion, certificate(motion)).completed, "and it still works"
 
 
+@pytest.mark.real_time
 def test_a_robot_that_is_told_to_end_in_a_motion_rests_first():
     with robot_process("perfect") as process, CellClient.connect(process.endpoint) as client:
         motion = from_here(client, 3.0, 0.3)
@@ -310,6 +318,7 @@ def test_a_robot_that_is_told_to_end_in_a_motion_rests_first():
         assert until(lambda: not process.running)
 
 
+@pytest.mark.real_time
 def test_a_client_that_was_busy_when_the_robot_ended_still_hears_how_the_motion_went():
     with robot_process("perfect") as process, CellClient.connect(process.endpoint) as client:
         motion = from_here(client, 3.0, 0.3)

@@ -31,6 +31,8 @@ pytest.importorskip("panda_py", reason="the driver speaks through libfranka")
 GATE = gate()
 MOVE, IDLE, REFLEX = 2, 1, 4  # libfranka.RobotMode
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture(scope="module")
 def side(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PandaSide]:

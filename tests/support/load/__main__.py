@@ -7,8 +7,9 @@
 Arguments from the first that is not an option of this command go to pytest; `--` comes before options of pytest.
 Stalled are the processes that tests start: robot processes, cells, clients. The processes that run the tests are not,
 unless `--stall-workers` asks for it. Nor are simulated control boxes: a real one is a computer of its own that keeps
-its milliseconds, and libfranka gives up on one that is silent for a second. Whatever was started here is ended here,
-also after Ctrl-C, SIGTERM or SIGHUP.
+its milliseconds, and libfranka gives up on one that is silent for a second. Nor are processes of tests that are marked
+`real_time` while these run: the time of a real robot does not wait, so a stall rightly ends its motion at rest.
+Whatever was started here is ended here, also after Ctrl-C, SIGTERM or SIGHUP.
 Exit code: 0 if every test of every run passed, 1 if not, 130 when interrupted.
 """
 
@@ -36,7 +37,7 @@ from tests.support.load.processes import (
     process_table,
     reap_orphans,
 )
-from tests.support.load.report_plugin import RESULTS, WORKERS
+from tests.support.load.report_plugin import REAL_TIME, RESULTS, WORKERS
 from tests.support.load.stalls import Stalls
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -90,9 +91,12 @@ class Interruption:
 
 
 def stallable(folder: Path, workers_too: bool) -> list[Process]:
-    """Living processes that tests have started but for control boxes, and the ones that run the tests if asked for."""
+    """Living processes that tests have started, and the ones that run the tests if asked for.
+
+    Simulated control boxes and the processes of a test in real time are left out.
+    """
     table = process_table()
-    workers = {int(file.name) for file in (folder / WORKERS).iterdir()}
+    workers = {int(file.name) for file in (folder / WORKERS).iterdir() if file.read_text() != REAL_TIME}
     ours = {process.pid: process for process in descendants([os.getpid()], table)}
     below = descendants(workers & set(ours), table)
     started = [process for process in below if not any(part in process.command for part in SPARED)]

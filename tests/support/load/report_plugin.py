@@ -2,15 +2,37 @@
 
 import json
 import os
+import time
 from collections import Counter
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 from tests.support.load.freezing import FOLDER
+from tests.support.load.stalls import LENGTH
 
 WORKERS = "workers"  # folder with one file for each process that runs tests, named by its identifier
 RESULTS = "results.json"
+REAL_TIME = "real_time"  # marker of tests, and what a worker's file says while it runs one
+
+
+class RealTime:
+    """Says while a test of a robot in real time runs: its time does not wait, so a stall rightly ends its motions."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Have no stall begin during such a test, and wait for the end of one that has begun."""
+        marked = item.get_closest_marker(REAL_TIME) is not None
+        if marked and not self._file.read_text():
+            self._file.write_text(REAL_TIME)
+            time.sleep(LENGTH[1])
+        elif not marked:
+            self._file.write_text("")
+        return (yield)
 
 
 class Results:
@@ -51,6 +73,8 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = Path(os.environ[FOLDER])
     is_worker = hasattr(config, "workerinput")
     if is_worker or not config.getoption("numprocesses", None):
-        (folder / WORKERS / str(os.getpid())).touch()
+        own = folder / WORKERS / str(os.getpid())
+        own.touch()
+        config.pluginmanager.register(RealTime(own))
     if not is_worker:
         config.pluginmanager.register(Results(folder / RESULTS))
