@@ -64,7 +64,7 @@ __all__ = ["CellClient", "ExecutionReport", "MotionProgress", "SimProcess", "sta
 
 FRAME_TIMEOUT = 30.0  # [s]; software rendering on a busy machine
 # [s]; a camera process answers, if with a refusal, within its own much shorter limit. The rest is for stalls.
-CAMERA_TIMEOUT = 15.0
+CAMERA_TIMEOUT = 7.5
 # [s] on the robot's clock, after the wire; camera processes themselves allow far less. A simulated cell stands still
 # with its process, so its picture shows what is there now, however long a stalling machine had it under way.
 MAX_FRAME_AGE, MAX_SIMULATED_FRAME_AGE = 2.0, 30.0

@@ -28,7 +28,7 @@ HERE = (
     "few packets lost",
     "many packets lost",
     "link 200 ms late",
-    "link parted for 1 s",
+    "link parted for 2 s",
     "duplicated trajectory",
     "no certificate",
     "clock an hour ahead",
