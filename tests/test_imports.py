@@ -92,6 +92,14 @@ TRUTH = {
     "sim_check.world": {"replan.robot", "sim_check.random_scenes"},
     "perception.evaluation": {"perception.train", "replan.perceive"},
 }
+# Modules that ask a cell for its truth over the wire: recordings and scores, and the ablation that the benchmark of the
+# paper compares perception with (only with a cell that the run has started for scoring itself).
+ASKING_FOR_TRUTH = {
+    "replan.robot.record",
+    "replan.rc.episode",
+    "replan.rc.tabletop_goals",
+    "replan.run.true_poses",
+}
 WIDEST = 20  # modules directly in one folder
 HEAVY = ("torch", "open3d", "transformers", "mujoco", "cv2", "pinocchio", "matplotlib")
 
@@ -147,6 +155,17 @@ def test_only_scorers_and_the_simulated_cell_know_the_truth():
         for other in imported_modules(file, known):
             told = TRUTH.get(room_of(other, known))
             assert told is None or room_of(module, known) in {*told, room_of(other, known)}, f"{module} imports {other}"
+
+
+def test_only_named_modules_ask_a_cell_for_its_truth():
+    asking = set()
+    for module, file in modules().items():
+        if module.split(".")[0] not in ("control", "sim_check", "planning", "replan"):
+            continue
+        calls = (node.func for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call))
+        if any(isinstance(call, ast.Attribute) and call.attr in ("truth", "frame_truth") for call in calls):
+            asking.add(module)
+    assert asking == ASKING_FOR_TRUTH
 
 
 def test_no_folder_is_too_wide():

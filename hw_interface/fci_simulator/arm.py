@@ -26,9 +26,6 @@ class RigidLoad:
     inertia: NDArray[np.float64]
 
 
-NO_LOAD = RigidLoad(0.0, np.zeros(3), np.zeros((3, 3)))
-
-
 class Arm:
     """Kinematics of the arm and torques of what hangs at its flange; everything in the robot's base frame.
 

@@ -45,23 +45,3 @@ class Hand(Protocol):
     def close(self) -> None:
         """Let go of it."""
         ...
-
-
-class NoHand:
-    """The place of a gripper on an arm without one: stands open, refuses nothing, holds nothing."""
-
-    def __init__(self, opening: float) -> None:
-        self._opening = opening
-
-    def read(self) -> HandReading:
-        """Open and empty."""
-        return HandReading(self._opening, False, False)
-
-    def begin(self, command: GripperCommand) -> None:
-        """Nothing happens."""
-
-    def restart(self) -> None:
-        """Nothing to connect to."""
-
-    def close(self) -> None:
-        """Nothing to let go of."""

@@ -35,8 +35,8 @@ class BenchGoals(PerceptionModels):
 
     def execute(self, console: Console) -> int:
         """Run the benchmark."""
+        from replan.rc.tabletop_goals import bench_goals
         from replan.rendering import require_mujoco
-        from replan.run.benchmark import bench_goals
 
         require_mujoco()  # else every run would be counted as failed
         models = options_in(self, PerceptionModels)

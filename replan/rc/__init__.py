@@ -1,1 +1,1 @@
-"""The paper's Reasoning & Control benchmark: eight tasks, seeded runs, variants of the method, scored on the truth."""
+"""Whole goals in seeded cells, scored on the truth: the paper's eight tasks with variants, and goals on a table."""

@@ -20,7 +20,6 @@ _ROWS = {
     "kitchen-explore": (80, 60, 20, 0, 0),
     "composite-explore": (70, 20, 0, 20, 0),
 }
-RUNS = 10
 # Of each variant's mean over the tasks. The paper prints 67.05 without verifier; its own rows give 67.5.
 AVERAGES: Mapping[str, float] = MappingProxyType(
     {"full": 86.25, "no-verifier": 67.05, "no-perceiver": 37.5, "no-replan": 32.5, "language-to-rewards": 21.25}
