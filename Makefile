@@ -11,7 +11,7 @@ run: setup
 	@.venv/bin/replan run "$$GOAL" --cell "$$CELL" $(ARGS)
 
 test: setup lint
-	@OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile tests $(ARGS)
+	@OMP_NUM_THREADS=1 .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder tests $(ARGS)
 
 # For every commit, in a minute and a half on two cores: types of the program itself on one, quick tests on the other.
 # Quick are whole folders whose tests start no robot, build no twin and load no weights; a new test in one of them is in.

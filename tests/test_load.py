@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import LONG, TESTS
 from tests.support.load.__main__ import ROOT
 from tests.support.load.freezing import FOLDER, FROZEN, freeze, wake
 from tests.support.load.processes import NotOursError, Process, descendants, process_table, send
@@ -152,3 +153,7 @@ def test_endless():
     _, err = process.communicate()
     assert process.returncode == 130, err
     assert not {one.pid for one in started} & set(process_table())
+
+
+def test_files_that_start_first_exist():
+    assert [name for name in LONG if not (TESTS / name).is_file()] == []

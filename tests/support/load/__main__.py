@@ -41,7 +41,7 @@ from tests.support.load.report_plugin import REAL_TIME, RESULTS, WORKERS
 from tests.support.load.stalls import Stalls
 
 ROOT = Path(__file__).resolve().parents[3]
-SUITE = ["-n", "2", "--dist", "loadfile", "tests"]
+SUITE = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder", "tests"]
 SPARED = ("research-interface", "research_interface", "control_box_process")  # in the command line of a control box
 TICK = 0.02  # between two looks at the processes, in [s]
 PATIENCE = 30.0  # for pytest to end after an interruption, in [s]
