@@ -27,6 +27,7 @@ ROOMS = {
         "tracking": set(),
         "ros2": set(),
         "geometry": {"catalogue"},
+        "unexplained": {"catalogue", "geometry", "known_shapes", "tracking"},
         "recordings": {"geometry", "ros2"},
         "known_shapes": {"catalogue", "geometry"},
         "detection": {"catalogue", "geometry"},
