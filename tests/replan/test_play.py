@@ -70,6 +70,7 @@ def test_what_its_certificate_does_not_cover_is_refused_by_the_robot(client: Cel
     assert caught.value.code == "trajectory_changed"
 
 
+@pytest.mark.real_time
 def test_a_robot_that_stops_by_itself_is_told_with_what_to_do(client: CellClient):
     motion = from_here(client, 3.0, 0.3)
     threading.Timer(0.8, client.stop).start()
