@@ -2,15 +2,15 @@
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
+from perception.detection.standing_pieces import PieceSettings, standing_pieces
 from perception.detection.support_pixels import surely_support
 from perception.frames import RgbdFrame
 from perception.geometry.prepared_frame import PreparedFrame
-from perception.geometry.resting import levels
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,7 @@ class GrabCutSettings:
         margin: Width of the sure background around the rim, as a share of the longer side.
         clearance: Pixels lower than this above the support may be the support, in [m].
         foot_px: Low pixels this near to higher ones may be the thing's foot and are left to colour, in [px].
-        standing: Pixels higher than this above the level around a box, and the noise, stand, in [m].
-        depth_step: Pieces of standing pixels are cut where depth jumps by more, in [m].
-        own_share: Share of such a piece that must lie within the box for all of it to be the thing.
-        touching: Width of the rim of the box that is left to colour otherwise, as a share of its sides.
+        pieces: How depth alone parts the thing in a box from others.
     """
 
     iterations: int = 1
@@ -37,10 +34,7 @@ class GrabCutSettings:
     margin: float = 0.25
     clearance: float = 0.004
     foot_px: int = 4
-    standing: float = 0.006
-    depth_step: float = 0.015
-    own_share: float = 0.85
-    touching: float = 0.2
+    pieces: PieceSettings = field(default_factory=PieceSettings)
 
 
 class GrabCutSegmenter:
@@ -106,9 +100,10 @@ class GrabCutSegmenter:
             labels[box] = cv2.GC_PR_FGD
         low = support[crop]
         labels[low & (labels == cv2.GC_PR_FGD)] = cv2.GC_PR_BGD
-        sure = self._standing_piece(frame, crop, box) if seedless else None
+        sure = standing_pieces(frame, crop, box, self.settings.pieces) if seedless else None
         if sure is not None:
-            labels[sure] = cv2.GC_FGD
+            labels[sure.foreign] = cv2.GC_BGD
+            labels[sure.own] = cv2.GC_FGD
         picture = np.ascontiguousarray(frame.colour[crop])
         if not (labels == cv2.GC_PR_FGD).any():
             return mask
@@ -128,43 +123,6 @@ class GrabCutSegmenter:
         cut = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)) & ~low
         mask[crop] = _main_pieces(cut, None if seedless or seed is None else seed[crop])
         return mask
-
-    def _standing_piece(
-        self, frame: PreparedFrame, crop: tuple[slice, slice], box: tuple[slice, slice]
-    ) -> np.ndarray | None:
-        """Pixels that depth alone gives to the thing in a box, bool, shape of the crop; None if depth cannot tell.
-
-        They stand above the level that surrounds the box and hang together without a depth step.
-        """
-        heights = frame.heights[crop].astype(np.float32)
-        depth = frame.known_depth[crop]
-        known = np.isfinite(heights)
-        inside = np.zeros(heights.shape, bool)
-        inside[box] = True
-        middle = heights[inside & known]
-        if len(middle) < 50:
-            return None
-        around = levels(np.c_[np.zeros((int((known & ~inside).sum()), 2)), heights[known & ~inside]])
-        # What stands behind the thing may show a level too, but a higher one.
-        below = [z for z in around if z < np.median(middle)]
-        if not below:
-            return None
-        smooth = cv2.medianBlur(np.where(known, heights, below[-1]).astype(np.float32), 5)
-        noise = frame.depth_std(float(np.nanmedian(depth[inside])))
-        standing = known & (smooth > below[-1] + self.settings.standing + noise)
-        standing &= ~frame.depth_steps(self.settings.depth_step)[crop]
-        _, labels, stats, _ = cv2.connectedComponentsWithStats(standing.astype(np.uint8), connectivity=4)
-        within = np.bincount(labels[inside], minlength=len(stats))
-        within[0] = 0
-        best = int(np.argmax(within))
-        if within[best] < 50:
-            return None
-        if within[best] < self.settings.own_share * stats[best, cv2.CC_STAT_AREA]:
-            # Something that touches the thing is in this piece as well: near the middle of the box it is the thing.
-            rows, columns = (round(self.settings.touching * (part.stop - part.start)) for part in box)
-            inside[:] = False
-            inside[box[0].start + rows : box[0].stop - rows, box[1].start + columns : box[1].stop - columns] = True
-        return (labels == best) & inside
 
 
 def _whole_pixels(box: np.ndarray, width: int, height: int) -> tuple[int, int, int, int]:
