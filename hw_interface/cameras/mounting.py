@@ -16,6 +16,7 @@ from control.robot.gripper import GripperModel
 from hw_interface.link.streams import StateReader
 from hw_interface.messages.robot import RobotState
 
+NO_ARM_POSE = "no_arm_pose"  # code of the refusal
 KEPT = 2.0  # [s] of states; pictures are older by what exposure, read-out and transfer take
 NEAR = 0.05  # [s] from a picture's stamp to the state before and to that after it; states come every 14 ms
 PATIENCE = 0.2  # [s] for the state after a picture's stamp
@@ -97,7 +98,7 @@ class ArmStates:
             far = min((abs(s - stamp) for s in stamps), default=None)
             nearest = "no state has come" if far is None else f"the nearest state is {1000 * far:.0f} ms from it"
             raise RefusedError(
-                "no_arm_pose",
+                NO_ARM_POSE,
                 f"where the arm was when the picture was taken is not known: {nearest}, and one is needed within "
                 f"{1000 * NEAR:.0f} ms before and after it; see whether the robot process publishes its state and "
                 "whether the clocks agree (replan doctor)",

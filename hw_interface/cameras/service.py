@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import zenoh
 
-from control.errors import RobotGoneError
+from control.errors import RefusedError, RobotGoneError
 from hw_interface.cameras.capture import DEFAULT_MAX_AGE, Capture, OnRequest
-from hw_interface.cameras.mounting import CameraMounting
+from hw_interface.cameras.mounting import NO_ARM_POSE, CameraMounting
 from hw_interface.cameras.node import CameraNode
 from hw_interface.cameras.offers import this_owner
 from hw_interface.cameras.source import CameraFailedError, CameraSource
@@ -21,6 +21,7 @@ from perception.frames import RgbdFrame
 
 BEAT = 0.1  # [s]
 CLOCK_TIMEOUT = 0.5  # [s] for one question
+POSE_PATIENCE = 3.0  # [s] in which further pictures are taken while it is not known where the arm was
 FAREWELL = 10.0  # [s] that a process whose source has failed goes on telling those who ask why
 
 
@@ -81,14 +82,24 @@ class CameraService:
     def take(self, camera: str) -> RgbdFrame:
         """A picture taken now, stamped on the robot's clock, with the camera's pose at that moment.
 
+        A picture of a moment at which the robot's process stood still has no pose; further ones are taken for up to
+        `POSE_PATIENCE`, so that a machine with other work on it makes a look slow and does not end it.
+
         Raises:
             RefusedError: stale_frame, camera_failed, clock_unsure or no_arm_pose.
             RobotGoneError: The robot process does not tell the time.
         """
-        frame = self._capture.taken_now().frame
-        stamp = self.clock.to_robot(frame.stamp)
-        pose = frame.world_T_camera if self._mounting is None else self._mounting.pose(stamp)
-        return replace(frame, stamp=stamp, world_T_camera=pose, camera=camera)
+        until = time.monotonic() + POSE_PATIENCE
+        while True:
+            frame = self._capture.taken_now().frame
+            stamp = self.clock.to_robot(frame.stamp)
+            try:
+                pose = frame.world_T_camera if self._mounting is None else self._mounting.pose(stamp)
+            except RefusedError as error:
+                if error.code != NO_ARM_POSE or time.monotonic() > until:
+                    raise
+            else:
+                return replace(frame, stamp=stamp, world_T_camera=pose, camera=camera)
 
     def health(self) -> CameraHealth:
         """How the camera does."""
