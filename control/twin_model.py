@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.robot.gripper import PANDA_HAND, GripperModel
+from control.seen_volume import SeenVolume
 
 # Names that every MuJoCo model of ours uses for the robot (the twin's and the simulated cell's alike).
 ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
@@ -151,6 +152,7 @@ class TwinModel:
         joints: Joints of furniture that a robot can move; the furniture itself is among `objects`, not movable.
         compartments: Insides of furniture.
         gripper: What the hand is.
+        seen: Which space cameras have looked into; None where no camera has looked.
     """
 
     model: mujoco.MjModel
@@ -164,6 +166,7 @@ class TwinModel:
     joints: tuple[TwinJoint, ...] = ()
     compartments: tuple[TwinCompartment, ...] = ()
     gripper: GripperModel = PANDA_HAND
+    seen: SeenVolume | None = None
 
     def get(self, name: str) -> TwinObject | None:
         """The object of this name, or None."""

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.seen_space import SeenSpace
+
 Shape = Literal["box", "cylinder", "sphere"]
 
 
@@ -108,6 +110,8 @@ class SceneEstimate:
         support_height: Height of the table top in the world in [m].
         stamp: Time of the newest frame used in [s].
         source: Which detector and segmenter, for people to read.
+        seconds: Time spent in each stage in [s].
+        seen: Which space its frames have looked into; None where nobody says.
     """
 
     objects: tuple[ObjectEstimate, ...]
@@ -116,6 +120,7 @@ class SceneEstimate:
     stamp: float
     source: str
     seconds: dict[str, float] = field(default_factory=dict)
+    seen: SeenSpace | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from control.path_planning.planning_context import PlanningContext
 from control.planners.candidates import Candidate
 from control.planners.refinement import vary
 from control.safety.residuals import safety_residuals
+from control.safety.swept_volume import unseen_on_the_way
 from control.simulation.batches import Observer
 from control.simulation.motion_recording import Purpose, record_motion
 from control.simulation.rollouts import Rollout, commands_for, roll_out
@@ -21,6 +22,10 @@ from control.twin_model import TwinModel
 ENOUGH = 2  # clean successes after which no further candidate is simulated
 FIRST = 2  # candidates that are simulated together
 STRIDE = 3  # every third state of a rollout (12 ms) is looked at for contacts
+# Ways through space that nobody saw: what a share of it costs, and the share above which further candidates are tried.
+HIDDEN_COST, OVERHEAD_COST = 5.0, 0.25
+MUCH_HIDDEN = 0.02
+MOST_FOR_HIDDEN = 6
 ROUNDS = 2  # of refinement, only where nothing was clean
 VARIED = 8  # variants per round
 ELITE = 4
@@ -39,11 +44,13 @@ class Tried:
         candidate: Which one.
         score: How it did.
         rollout: How it went.
+        hidden: Share of its way that nobody saw and where something that stands could be; 0 where nobody asks.
     """
 
     candidate: Candidate
     score: Score
     rollout: Rollout
+    hidden: float = 0.0
 
     @property
     def good(self) -> bool:
@@ -85,12 +92,21 @@ class Search:
         self._residuals = tuple(r for r in table if r.name not in RETIMED_ONLY)
 
     def try_until(self, enough: int = ENOUGH) -> None:
-        """Simulate candidates a few at a time until enough of them are clean or none is left."""
-        while len(self.tried) < self._most and len(self.good()) < enough:
+        """Simulate candidates a few at a time until enough of them are clean or none is left.
+
+        Where all of these go through much space that nobody saw, a few more are tried.
+        """
+        while len(self.tried) < self._most and self._lacks(enough):
             group = list(islice(self._offered, min(FIRST, self._most - len(self.tried))))
             if not group:
                 return
             self.tried += self.simulate(group)
+
+    def _lacks(self, enough: int) -> bool:
+        good = self.good()
+        if len(good) < enough:
+            return True
+        return len(self.tried) < MOST_FOR_HIDDEN and all(t.hidden > MUCH_HIDDEN for t in good)
 
     def refine(self) -> None:
         """Vary the best candidates, until something is clean."""
@@ -137,7 +153,17 @@ class Search:
         commands = [commands_for(c.segments, context.twin, context.limits) for c in group]
         rollouts, steps = roll_out([context.twin] * len(group), commands, self._nthread, observe=self._observe)
         self.steps += steps
-        return [Tried(c, self._score(r, context.twin, c), r) for c, r in zip(group, rollouts, strict=True)]
+        return [self._tried(c, r) for c, r in zip(group, rollouts, strict=True)]
+
+    def _tried(self, candidate: Candidate, rollout: Rollout) -> Tried:
+        """A simulated candidate with its score, to which ways through space that nobody saw add."""
+        twin = self.context.twin
+        score = self._score(rollout, twin, candidate)
+        if twin.seen is None or self.context.safety.unseen == "allow" or rollout.exploded:
+            return Tried(candidate, score, rollout)
+        unseen = unseen_on_the_way(twin.seen, rollout.model, rollout.qpos, rollout.time, rollout.commands.held)
+        cost = score.cost + HIDDEN_COST * unseen.hidden + OVERHEAD_COST * unseen.overhead
+        return Tried(candidate, replace(score, cost=cost), rollout, unseen.hidden)
 
     def _wins(self, candidate: Candidate, variants: Sequence[TwinModel]) -> int:
         """Points in the perturbed twins: one for a success, one more where it is clean."""

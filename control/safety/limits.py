@@ -6,6 +6,8 @@ them; a cell file may change the numbers.
 
 from dataclasses import dataclass, field
 
+from control.seen_volume import UnseenPolicy
+
 
 @dataclass(frozen=True)
 class SafetyLimits:
@@ -31,6 +33,11 @@ class SafetyLimits:
         start_tolerance: Largest difference per joint between a trajectory's first sample and the robot in [rad].
         workspace_low, workspace_high: Corners of the box, in the world in [m], that the hand must stay in, shape (3,).
         keep_out: Boxes (low corner, high corner) in the world in [m] that no moving part of the robot may enter.
+        unseen: What becomes of ways through space that nobody saw: "allow" takes no notice, "avoid" prefers others,
+            "refuse" judges them by the next two limits.
+        unseen_volume: Largest share of the swept volume, 0..1, that nobody saw and where something that stands could
+            be. Above an open table less than 1 % stays hidden; ways around furniture have 7 to 42 %.
+        unseen_overhead: The same of space above what was seen to be free, where only what hangs or floats can be.
     """
 
     velocity_scale: float = 0.8
@@ -52,3 +59,6 @@ class SafetyLimits:
     workspace_low: tuple[float, float, float] = (-0.2, -0.8, 0.0)
     workspace_high: tuple[float, float, float] = (0.9, 0.8, 1.3)
     keep_out: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = field(default=())
+    unseen: UnseenPolicy = "avoid"
+    unseen_volume: float = 0.05
+    unseen_overhead: float = 1.0

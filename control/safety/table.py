@@ -13,15 +13,17 @@ from typing import Literal
 from control.robot.limits import RobotLimits, panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.residuals import safety_residuals
+from control.safety.swept_volume import UNIT
 from control.safety.trajectory_checks import REST_ACCELERATION, REST_SPEED
 
-Stage = Literal["samples", "twin", "replay", "verdict"]
+Stage = Literal["samples", "twin", "replay", "verdict", "looks"]
 STAGES: dict[str, str] = {
     "samples": "every 1 kHz sample of the trajectory, by the verdict and again by the driver",
     "twin": "the motion as it goes in the twin: as cost and check in the search, in the verdict's nominal twin and in "
     "every perturbed one",
     "replay": "the retimed trajectory replayed in the twin, by the verdict; the search keeps to it geometrically",
     "verdict": "the verdict, in the nominal twin and, of the reward, in every perturbed one",
+    "looks": "the verdict, in the nominal twin, where cameras have looked; `replan validate` looks through none",
 }
 
 
@@ -134,6 +136,14 @@ def safety_table(safety: SafetyLimits | None = None, limits: RobotLimits | None 
         rows.append(SafetyRow(residual.name, meaning, residual.unit, (residual.limit,), False, stage))
     meaning = f"what a reward term lacks at its worst over the last {safety.settle_time:g} s"
     rows.append(SafetyRow("reward_met", meaning, "m", (0.0,), False, "verdict"))
+    refused = safety.unseen == "refuse"
+    for name, what in (
+        ("unseen_volume", "share of the swept volume that nobody saw and where something that stands could be"),
+        ("unseen_overhead", "share of the swept volume that nobody saw above space that was seen to be free"),
+    ):
+        most = getattr(safety, name)
+        meaning = what if refused else f"{what}; judged where a cell says `unseen: refuse`, then at most {most:g}"
+        rows.append(SafetyRow(name, meaning, UNIT, (most if refused else 1.0,), False, "looks"))
     return tuple(rows)
 
 

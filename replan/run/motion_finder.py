@@ -21,9 +21,11 @@ from replan.run.session import RunSession
 from sim_check.diagnosis.blocking_bodies import diagnose
 from sim_check.twin.payloads import held_payloads
 from sim_check.twin.twin import build_twin, possible_twins, worlds_to_try
-from sim_check.verdict.verdict import judge_trajectory
+from sim_check.verdict.verdict import judge_in_detail
 
 MAX_PATHS_JUDGED = 3  # a path that fails its verdict may have a better alternative; more than this is a replan's job
+
+TOLD = 0.01  # share of the way that nobody saw from which on people are told
 
 
 @dataclass(frozen=True)
@@ -128,14 +130,18 @@ class MotionFinder:
                 cause = FailureCause("no_candidate", spec.primary.subject, f"the path cannot be timed: {error}")
                 continue
             with self._session.watch.part("verdict"):
-                verdict = judge_trajectory(
-                    trajectory, twin, spec, self._safety, self._session.limits, self._rng, robot=self._robot
+                judged = judge_in_detail(
+                    trajectory, twin, self._safety, self._session.limits, self._rng, spec=spec, robot=self._robot
                 )
+            verdict, unseen = judged.verdict, judged.unseen
             self.steps += verdict.steps
-            self._session.episode.log("verdict", verdict=verdict, duration=trajectory.duration)
+            self._session.episode.log(
+                "verdict", verdict=verdict, duration=trajectory.duration, unseen=unseen and unseen.record
+            )
             share = f"{verdict.successes}/{verdict.trials} perturbed twins"
             if verdict.passed:
-                self._session.say(f"verdict: safe, {share}, {trajectory.duration:.1f} s long")
+                blind = f"; {unseen.hidden:.0%} of the way was not seen" if unseen and unseen.hidden >= TOLD else ""
+                self._session.say(f"verdict: safe, {share}, {trajectory.duration:.1f} s long{blind}")
                 return trajectory, verdict
             failed = verdict.failed_checks
             why = (

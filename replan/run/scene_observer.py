@@ -1,6 +1,7 @@
 """Eyes of a run: frames from the cell's cameras, perceived, with pictures of what was seen."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from perception.recordings.opening import save_npz
 from perception.scene_file import LookRecord, PerceptionResult
+from replan.run.looked_into import LookedInto
 from replan.run.session import RunSession
 
 if TYPE_CHECKING:
@@ -32,19 +34,24 @@ class CameraSceneObserver:
         self._session = session
         self._perception = perception
         self._before: SceneEstimate | None = None
+        self._looked = LookedInto(session.cell)
         self.pictures: tuple[np.ndarray, ...] = ()
 
-    def look(self, names: Sequence[str]) -> SceneEstimate:
+    def look(self, names: Sequence[str], unchanged: bool = False) -> SceneEstimate:
         """Take fresh frames and find the named objects in them, and what is known to stand in the cell.
+
+        Args:
+            names: Of objects.
+            unchanged: Whether nothing but the arm has moved since the last look: what that saw still counts as seen.
 
         Raises:
             PerceptionError: A frame cannot be used, or the detector cannot work at all.
             RobotGoneError: The cell does not answer.
         """
         with self._session.watch.part("perception"):
-            return self._look(names)
+            return self._look(names, unchanged)
 
-    def _look(self, names: Sequence[str]) -> SceneEstimate:
+    def _look(self, names: Sequence[str], unchanged: bool) -> SceneEstimate:
         import cv2
 
         frames = self._session.client.frames()
@@ -52,6 +59,9 @@ class CameraSceneObserver:
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._session.episode.numbered("look", "npz"), frames)
         scene = self._perception.perceive(frames, (*names, *self._perception.known), self._before)
+        state = self._session.client.state()
+        seen = self._looked.after(frames, scene, np.array(state.q), state.gripper_width, unchanged)
+        scene = replace(scene, seen=seen)
         self._before = scene
         cameras = "+".join(f.camera for f in frames)
         result = PerceptionResult(source=scene.source, frames=(LookRecord.of(scene, cameras),))
@@ -82,6 +92,7 @@ class CameraSceneObserver:
                 for o in scene.objects
             ],
             unseen=scene.unseen,
+            share_seen=seen.share_seen,
         )
         unseen = "; ".join(f"{u.name}: {u.reason}" for u in scene.unseen)
         self._session.say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))

@@ -14,7 +14,7 @@ from control.twin_model import ARM_BODIES, FINGER_BODIES, HAND_BODY, TABLE_BODY,
 from replan.reports.pages import jpeg_text, made_by, write_page
 from replan.validate.motion import Validation
 from replan.validate.plots import PART_NAMES, clearance_svg, hand_svg, joint_quantities, joints_svg
-from replan.validate.text import check_rows, hints, summary, trials_text
+from replan.validate.text import NOT_LOOKED, check_rows, hints, summary, trials_text
 from sim_check.models.render import FreeView, Offscreen
 
 WIDTH, HEIGHT = 560, 420  # [px] of a picture
@@ -81,6 +81,8 @@ def _content(validation: Validation, footer_text: str) -> dict:
         notes = []
     except MachineError as error:
         pictures, notes = [], [("pictures", f"none: {error}")]
+    if v.judgement.unseen is None:
+        notes.append(("unseen space", NOT_LOOKED))
     motion = v.judgement.motion
     clearances = motion.clearances if motion is not None else None
     linear, angular = hand_velocities(v.robot.tcp_poses(t.q))

@@ -12,6 +12,8 @@ from replan.run.episode import plain
 from replan.validate.motion import Validation
 from sim_check.verdict.verdict import SUCCESS_SHARE
 
+NOT_LOOKED = "not judged: no camera has looked into the space that the motion sweeps"
+
 
 @dataclass(frozen=True)
 class CheckRow:
@@ -171,6 +173,7 @@ def as_text(validation: Validation, files: dict[str, str]) -> str:
         lines.append(
             f"  {mark}  {r.name:{width}}  {r.worst:>12} {sign} {r.limit:<8} {r.unit:<8} {where}{twins}".rstrip()
         )
+    lines += ["", f"unseen space: {NOT_LOOKED}"] if validation.judgement.unseen is None else []
     lines += ["", f"perturbed twins: {trials_text(validation)}", *hints(validation)]
     lines += [f"{what}: {path}" for what, path in files.items()]
     return "\n".join(lines)
@@ -199,6 +202,7 @@ def as_json(validation: Validation, files: dict[str, str], seconds: float) -> di
             {**plain(r.result), "least": r.least, "meaning": r.meaning, "broken_in_twins": r.failures or None}
             for r in check_rows(validation)
         ],
+        "unseen": NOT_LOOKED if validation.judgement.unseen is None else plain(validation.judgement.unseen.record),
         "successes": v.successes,
         "trials": v.trials,
         "hints": hints(validation),

@@ -14,6 +14,7 @@ from control.robot.gripper import GripperModel, gripper_model
 from control.robot.limits import RobotLimits
 from control.robot.profiles import load_profile
 from control.safety.limits import SafetyLimits
+from control.seen_volume import UnseenPolicy
 from perception.frames import CameraIntrinsics
 from sim_check.cells.furniture_config import FurnitureConfig
 from sim_check.cells.poses_config import PoseConfig
@@ -186,6 +187,9 @@ class CellConfig(Strict):
         objects: Names that can be asked for; lower case with underscores, a noun with words before it (`red_cube`).
         furniture: What stands fixed, by name: kind and sizes. Where it stands and how far it is open is perceived.
         poses: Where things stand as a person measured them, for validating motions without a camera.
+        unseen: What becomes of ways through space that no camera has seen: "allow" takes no notice of it, "avoid"
+            prefers ways through space that was seen to be free, "refuse" plays no motion whose way has more unseen
+            space than `safety` allows (`unseen_volume`, `unseen_overhead`).
         safety: Changes of the safety table, by the names of `control.safety.limits.SafetyLimits`.
         options: Switches of this cell and whether they are on.
         simulation: What the simulated cell holds; null when the cell is real only.
@@ -196,6 +200,7 @@ class CellConfig(Strict):
     robot: RobotConfig = RobotConfig()
     cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1)]
     workspace: BoxConfig = BoxConfig()
+    unseen: UnseenPolicy = "avoid"
     objects: Annotated[tuple[Name, ...], Field(min_length=1)]
     furniture: dict[Name, FurnitureConfig] = Field(default_factory=dict)
     poses: dict[Name, PoseConfig] = Field(default_factory=dict)
@@ -206,10 +211,12 @@ class CellConfig(Strict):
     @field_validator("safety")
     @classmethod
     def _known_limits(cls, value: dict[str, Any]) -> dict[str, Any]:
-        valid = set(SafetyLimits.__dataclass_fields__) - {"workspace_low", "workspace_high"}
+        valid = set(SafetyLimits.__dataclass_fields__) - {"workspace_low", "workspace_high", "unseen"}
         for name, limit in value.items():
             if name in ("workspace_low", "workspace_high"):
                 raise ValueError(f"{name} is not set here; the cell's `workspace` (low, high) is")
+            if name == "unseen":
+                raise ValueError("unseen is not set here; the cell's own `unseen` (allow, avoid or refuse) is")
             if name not in valid:
                 raise ValueError(f"there is no limit '{name}'; valid are {sorted(valid)}")
             if name != "keep_out" and (isinstance(limit, bool) or not isinstance(limit, int | float) or limit < 0):
@@ -242,7 +249,11 @@ class CellConfig(Strict):
         changes = {k: float(v) for k, v in self.safety.items() if k != "keep_out"}
         zones = tuple((tuple(low), tuple(high)) for low, high in self.safety.get("keep_out", ()))
         return SafetyLimits(
-            workspace_low=self.workspace.low, workspace_high=self.workspace.high, keep_out=zones, **changes
+            workspace_low=self.workspace.low,
+            workspace_high=self.workspace.high,
+            keep_out=zones,
+            unseen=self.unseen,
+            **changes,
         )
 
     def camera(self, name: str) -> CameraConfig:

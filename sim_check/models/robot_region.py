@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control.errors import ConfigError
-from control.twin_model import ARM_JOINTS, FINGER_JOINTS, HAND_BODY
+from control.twin_model import ARM_BODIES, ARM_JOINTS, FINGER_BODIES, FINGER_JOINTS, HAND_BODY
 from perception.unexplained.regions import PlacedSolid, SolidKind, SolidsRegion
 from sim_check.cells.cell_config import CameraConfig, RobotConfig
 from sim_check.models.panda_mjcf import COLLISION_GROUP, panda_spec
@@ -86,7 +86,7 @@ class RobotRegions:
         self._data.qpos[self._fingers] = np.clip(width, 0.0, self._opening) / 2
         mujoco.mj_kinematics(self._model, self._data)
         hand = self._hand_pose()
-        solids = [self._solid(geom) for geom in self._geoms]
+        solids = [_solid(self._model, self._data, geom) for geom in self._geoms]
         solids += [PlacedSolid("box", np.array(_HOUSING), hand @ camera) for camera in self._housings]
         if held is not None:
             world_T_object = hand @ held.hand_T_object
@@ -105,11 +105,27 @@ class RobotRegions:
         pose[:3, 3] = self._data.xpos[self._hand]
         return pose
 
-    def _solid(self, geom: int) -> PlacedSolid:
-        kind = _KINDS[int(self._model.geom_type[geom])]
-        size = self._model.geom_size[geom]
-        half = np.array([size[0], size[0], size[1]]) if kind in ("capsule", "cylinder") else size.copy()
-        pose = np.eye(4)
-        pose[:3, :3] = self._data.geom_xmat[geom].reshape(3, 3)
-        pose[:3, 3] = self._data.geom_xpos[geom]
-        return PlacedSolid(kind, half, pose)
+
+def solids_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[tuple[PlacedSolid, ...], tuple[PlacedSolid, ...]]:
+    """Everything in a model that can touch anything, planes and meshes apart: the robot, and the rest.
+
+    Args:
+        model, data: With up-to-date kinematics.
+    """
+    own = {model.body(name).id for name in (*ARM_BODIES, HAND_BODY, *FINGER_BODIES)}
+    robot, others = [], []
+    for geom in range(model.ngeom):
+        touches = model.geom_contype[geom] or model.geom_conaffinity[geom]
+        if touches and int(model.geom_type[geom]) in _KINDS:
+            (robot if int(model.geom_bodyid[geom]) in own else others).append(_solid(model, data, geom))
+    return tuple(robot), tuple(others)
+
+
+def _solid(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> PlacedSolid:
+    kind = _KINDS[int(model.geom_type[geom])]
+    size = model.geom_size[geom]
+    half = np.array([size[0], size[0], size[1]]) if kind in ("capsule", "cylinder") else size.copy()
+    pose = np.eye(4)
+    pose[:3, :3] = data.geom_xmat[geom].reshape(3, 3)
+    pose[:3, 3] = data.geom_xpos[geom]
+    return PlacedSolid(kind, half, pose)

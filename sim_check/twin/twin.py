@@ -43,6 +43,7 @@ from sim_check.models.scene_mjcf import (
 from sim_check.objects.library import ObjectModel, object_model
 from sim_check.twin.collision_masks import without_contacts
 from sim_check.twin.placed import Fixed, Standing
+from sim_check.twin.seen_volume import seen_volume
 from sim_check.twin.settling import free_bodies, move_apart, settle, touching
 from sim_check.twin.supports import carrier, set_down, stand
 
@@ -142,7 +143,10 @@ def build_twin(
         settling = twin
     else:
         settling = without_contacts(twin, (*ARM_BODIES, HAND_BODY, *FINGER_BODIES))
-    return replace(twin, qpos=_rest(settling, qpos))
+    twin = replace(twin, qpos=_rest(settling, qpos))
+    if scene.seen is None:
+        return twin
+    return replace(twin, seen=seen_volume(scene.seen, model, twin.start(), scene.support_height))
 
 
 def perturbed_twin(twin: TwinModel, rng: np.random.Generator, scale: float = 1.0) -> TwinModel:

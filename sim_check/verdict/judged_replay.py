@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from control.safety.certificate import CheckResult
 from control.safety.limits import SafetyLimits
 from control.safety.residuals import TwinMotion, safety_residuals
+from control.safety.swept_volume import SweptUnseen, unseen_on_the_way
 from control.simulation.motion_recording import Purpose, record_motion
 from control.simulation.rollouts import Rollout
 from control.tasks.motion_cost import judge_terms
@@ -49,12 +50,14 @@ class Replayed:
         steps: Simulated steps.
         rollout: Simulated states; None for a perturbed twin, of which there are too many to keep them.
         motion: As recorded, with clearances; None for a perturbed twin and where the simulation exploded.
+        unseen: What of the way no camera has seen; None as for `motion`, and where no camera has looked.
     """
 
     checks: tuple[CheckResult, ...]
     steps: int
     rollout: Rollout | None = None
     motion: TwinMotion | None = None
+    unseen: SweptUnseen | None = None
 
     @property
     def kept(self) -> bool:
@@ -83,7 +86,13 @@ def judge_replay(question: ReplayQuestion, twin: TwinModel, nominal: bool) -> Re
     checks = tuple(r.check(motion) for r in safety_residuals(safety))
     if question.spec is not None:
         checks = (*checks, _reward(motion, twin, question.spec, safety, question.rest_palm))
-    return Replayed(checks, steps, rollout, motion) if nominal else Replayed(checks, steps)
+    if not nominal:
+        return Replayed(checks, steps)
+    unseen = None
+    if twin.seen is not None:
+        unseen = unseen_on_the_way(twin.seen, rollout.model, rollout.qpos, rollout.time, rollout.commands.held)
+        checks = (*checks, *unseen.checks(safety))
+    return Replayed(checks, steps, rollout, motion, unseen)
 
 
 def _reward(

@@ -20,6 +20,7 @@ from control.robot.limits import REST_Q, RobotLimits
 from control.safety.certificate import CheckResult, Verdict
 from control.safety.limits import SafetyLimits
 from control.safety.residuals import TwinMotion
+from control.safety.swept_volume import SweptUnseen
 from control.safety.trajectory_checks import check_trajectory
 from control.simulation.rollouts import Rollout
 from control.tasks.reward_spec import RewardSpec
@@ -45,12 +46,14 @@ class Judgement:
         motion: The nominal twin's motion as recorded, clearances included; None when the simulation exploded.
         rollout: The nominal twin's states, to draw pictures from.
         failures: In how many perturbed twins each check was broken, by its name; checks that held are left out.
+        unseen: What of the way no camera has seen, in the nominal twin; None where no camera has looked.
     """
 
     verdict: Verdict
     motion: TwinMotion | None
     rollout: Rollout
     failures: dict[str, int]
+    unseen: SweptUnseen | None = None
 
 
 def judge_trajectory(
@@ -157,7 +160,7 @@ def judge_in_detail(
     )
     failures = Counter(c.name for trial in trials for c in trial.checks if not c.ok)
     assert replayed[0].rollout is not None  # the nominal twin's is kept
-    return Judgement(verdict, replayed[0].motion, replayed[0].rollout, dict(failures.most_common()))
+    return Judgement(verdict, replayed[0].motion, replayed[0].rollout, dict(failures.most_common()), replayed[0].unseen)
 
 
 def wilson_interval(successes: int, trials: int, z: float = NORMAL_95) -> tuple[float, float]:

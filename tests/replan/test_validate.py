@@ -137,6 +137,13 @@ def test_the_json_says_the_same_as_the_text(folder):
     assert data["trajectory_hash"] == validation.trajectory.content_hash()
 
 
+def test_a_verdict_without_a_camera_says_that_nobody_has_looked_and_does_not_judge_it(folder):
+    validation = judged(folder / "ours.npz", perturbed=0)
+    assert "unseen space: not judged: no camera has looked" in as_text(validation, {})
+    told = as_json(validation, {}, 0.0)
+    assert told["unseen"].startswith("not judged") and "unseen_volume" not in {c["name"] for c in told["checks"]}
+
+
 def test_the_command_writes_a_page_that_needs_nothing_beside_it(folder, tmp_path, capsys):
     command = Validate(
         file=folder / "theirs.csv", out=tmp_path / "out", perturbed=1, save=tmp_path / "samples.npz", json=True

@@ -115,6 +115,16 @@ def test_limits_are_changed_by_their_names_in_the_safety_table(write):
     assert limits.keep_out == (((0, 0, 0), (0.1, 0.1, 0.1)),)
 
 
+def test_ways_through_space_that_nobody_saw_are_avoided_unless_the_cell_says_otherwise(write):
+    assert load_cell(write(SMALLEST)).safety_limits().unseen == "avoid"
+    limits = load_cell(
+        write(SMALLEST + "unseen: refuse\nsafety: {unseen_volume: 0.1, unseen_overhead: 0.5}\n")
+    ).safety_limits()
+    assert (limits.unseen, limits.unseen_volume, limits.unseen_overhead) == ("refuse", 0.1, 0.5)
+    with pytest.raises(ConfigError, match="'allow', 'avoid' or 'refuse'"):
+        load_cell(write(SMALLEST + "unseen: never\n"))
+
+
 @pytest.mark.parametrize(
     ("safety", "message"),
     [
@@ -123,6 +133,7 @@ def test_limits_are_changed_by_their_names_in_the_safety_table(write):
         ("{hand_speed: -1}", "hand_speed must be a number that is not negative"),
         ("{workspace_low: [0, 0, 0]}", "the cell's `workspace`"),
         ("{keep_out: [1, 2]}", "keep_out must be a list of boxes"),
+        ("{unseen: refuse}", r"the cell's own `unseen` \(allow, avoid or refuse\) is"),
     ],
 )
 def test_a_limit_that_makes_no_sense_is_refused(write, safety, message):
