@@ -24,6 +24,8 @@ TRIM = 0.001  # share of points left out at each end: a spout is few points
 EDGE_PX = 1.5  # pixels beside a depth step are not used, and the outermost pixel's own half
 HIDDEN_SHARE = 0.10  # which part of its size such a thing may have where nobody looks
 CUT_SHARE = 0.5  # the same for a side at which the picture ends
+LEAST_UNSEEN = 0.08  # less of an outline that is not an end is noise
+GOES_ON = 2.0  # by how many times the unseen share of its outline a thing of any form may be longer than it looks
 SYMMETRIC = 0.93  # a hull of which its mirror image covers this share has an axis of symmetry
 NEAR_FACE = 0.15  # points within this share of the size are at a face
 
@@ -106,6 +108,24 @@ def with_cut_top(fitted: Refined, used: np.ndarray, points: np.ndarray) -> Refin
         more[:2] = 0.0
     position = np.hypot(fitted.position_std, more / 2)
     return replace(fitted, position_std=position, extents_std=np.hypot(fitted.extents_std, more))
+
+
+def with_unseen_rest(fitted: Refined, unseen: float) -> Refined:
+    """The same solid, less sure where a part of its outline is not its own: a thing of any form may go on there.
+
+    What is seen of a thing that is no simple solid often looks like one: of a kettle behind a can, its handle.
+
+    Args:
+        fitted: After refinement.
+        unseen: Share of the outline that is hidden, cut, or not shown to be an end, 0..1.
+    """
+    if unseen < LEAST_UNSEEN:
+        return fitted
+    level = min(1.0, GOES_ON * unseen) * float(fitted.solid.extents[:2].max())
+    more = np.array([level, level, 0.0])
+    sizes = np.hypot(fitted.extents_std, more)
+    turned = float(np.hypot(fitted.yaw_std, np.arctan2(level, fitted.solid.extents[:2].max())))
+    return replace(fitted, position_std=np.hypot(fitted.position_std, more / 2), extents_std=sizes, yaw_std=turned)
 
 
 def _direction(places: np.ndarray, tightest: float) -> float:

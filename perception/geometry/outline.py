@@ -168,24 +168,26 @@ def measure_outline(blob: np.ndarray, depth: np.ndarray | None = None, nearer: f
     return Outline(roundness, long_px / short_px, long_px, fill, share)
 
 
-def own_outline_pixels(
-    contour: np.ndarray, mask: np.ndarray, depth: np.ndarray, covering: np.ndarray | None = None, nearer: float = 0.015
-) -> np.ndarray:
-    """The thing's own edge in sub-pixel coordinates, half a pixel outside the outermost pixels, shape (m, 2).
-
-    The outline of a convex solid is convex, so dents deeper than 2 px are left out as well.
+def convex_outline(contour: np.ndarray, own: np.ndarray, deepest_px: float = 2.0) -> np.ndarray:
+    """Which contour points can be of a convex solid's outline, bool, shape (n,): those of dents cannot.
 
     Args:
         contour: Border pixels (x, y) of the mask, in order, int, shape (n, 2).
-        mask: bool, shape (height, width).
-        depth: In [m], NaN where unknown, same shape.
-        covering: Pixels of things that stand on or in the thing, bool, same shape, or None.
-        nearer: By how much something in front has to be nearer in [m].
+        own: Points that are the thing's own edge, bool, shape (n,).
+        deepest_px: Dents deeper than this are none of a convex solid's, in [px].
     """
     if len(contour) < 12:
-        return np.zeros((0, 2))
-    own = own_outline(contour, mask, depth, nearer, covering)
+        return np.zeros(len(contour), bool)
     hull = cv2.convexHull(contour.reshape(-1, 1, 2))
     dent = np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in contour])
-    own &= dent < 2.0
-    return (contour + 0.5 * outward_normals(contour))[own]
+    return own & (dent < deepest_px)
+
+
+def outline_pixels(contour: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The thing's own edge in sub-pixel coordinates, half a pixel outside the outermost pixels, shape (m, 2).
+
+    Args:
+        contour: Border pixels (x, y) of the mask, in order, int, shape (n, 2).
+        own: Points that count, bool, shape (n,).
+    """
+    return (contour + 0.5 * outward_normals(contour))[own] if own.any() else np.zeros((0, 2))

@@ -19,6 +19,7 @@ from perception.frames import RgbdFrame
 from perception.geometry.solid_outlines import outline_distance, project
 
 OUTLINE_STD_PX = 1.0  # how well a mask's edge is known
+UNKNOWN_STD_PX = 3.0  # the same where nothing is known beyond it, so that colour alone says that it ends there
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Observation:
     Attributes:
         frame: The picture.
         outline: The thing's own outline in [px], shape (m, 2); empty when all of it is hidden.
+        outline_std: How well each of its points is known in [px], shape (m,).
         points: Trusted points in the world in [m], shape (n, 3).
         point_std: Spread of one point along its ray in [m].
         patches: Number of points that err independently of each other.
@@ -39,6 +41,7 @@ class Observation:
 
     frame: RgbdFrame
     outline: NDArray[np.float64]
+    outline_std: NDArray[np.float64]
     points: NDArray[np.float64]
     point_std: float
     patches: float
@@ -51,6 +54,7 @@ class Observation:
 def observe(
     frame: RgbdFrame,
     outline: np.ndarray,
+    outline_std: np.ndarray,
     points: np.ndarray,
     point_std: float,
     patches: float,
@@ -65,6 +69,7 @@ def observe(
     Args:
         frame: The picture.
         outline: The thing's own outline in [px], shape (k, 2).
+        outline_std: How well each of its points is known in [px], shape (k,).
         points: In the world in [m], shape (n, 3).
         point_std: Spread of one point in [m].
         patches: Number of points that err independently.
@@ -73,9 +78,10 @@ def observe(
         equal_sides: Whether the thing is known to be as long as wide as high.
         most_outline, most_points: How many to keep.
     """
-    outline = outline[:: max(1, len(outline) // most_outline)]
+    every = max(1, len(outline) // most_outline)
+    outline, outline_std = outline[::every], outline_std[::every]
     points = points[:: max(1, len(points) // most_points)]
-    return Observation(frame, outline, points, point_std, patches, top, *bottom, equal_sides)
+    return Observation(frame, outline, outline_std, points, point_std, patches, top, *bottom, equal_sides)
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,7 @@ def minimise(
     """
     steps = np.minimum(loose * 0.02, 5e-4)
     # Neighbouring outline pixels share their error too: about three of them tell as much as one.
-    outline_weight = 1.0 / (OUTLINE_STD_PX * np.sqrt(3.0))
+    outline_weight = 1.0 / (seen.outline_std * np.sqrt(3.0))
     point_weight = np.sqrt(min(1.0, seen.patches / max(len(seen.points), 1))) / max(seen.point_std, 1e-4)
 
     def residuals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +131,7 @@ def minimise(
         if len(seen.outline):
             off = outline_distance(seen.outline, project(vertices(x), seen.frame))
             parts.append(off * outline_weight)
-            robust.append((1.0 + (off / (2.0 * OUTLINE_STD_PX)) ** 2) ** -0.25)
+            robust.append((1.0 + (off / (2.0 * seen.outline_std)) ** 2) ** -0.25)
         if surface is not None:
             off = surface(x)
             parts.append(off * point_weight)

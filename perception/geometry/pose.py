@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.geometry.cloud import largest_cluster
-from perception.geometry.free_form import box_around, is_explained, with_cut_top
-from perception.geometry.outline import longest_contour, own_outline_pixels
-from perception.geometry.outline_fit import observe
+from perception.geometry.free_form import box_around, is_explained, with_cut_top, with_unseen_rest
+from perception.geometry.mask_edges import mask_edges
+from perception.geometry.outline import convex_outline, longest_contour, outline_pixels
+from perception.geometry.outline_fit import OUTLINE_STD_PX, UNKNOWN_STD_PX, observe
 from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.refinement import Refined, refine, refine_ellipsoid
 from perception.geometry.resting import LowerEnd, find_bottom, lower_end
-from perception.geometry.shape_choice import ANY_KIND, Kind, best_of, first_fits, lying
+from perception.geometry.shape_choice import ANY_KIND, Kind, best_of, first_fits, lying, with_others
 from perception.geometry.solids import Solid
 from perception.geometry.support import SupportPlane
 
@@ -158,7 +159,10 @@ def fit_solid(
         bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
     first = first_fits(cloud.points, shapes, bottom[0], cloud.depth_std)
     patches = max(1.0, len(cloud.points) / frame.noise.patch_px)
-    outline = own_outline_pixels(cloud.contour, cloud.whole, frame.known_depth, covering)
+    edges = mask_edges(frame, cloud.contour, cloud.whole, bottom[0], covering)
+    own = convex_outline(cloud.contour, edges.ends | edges.unknown)
+    outline = outline_pixels(cloud.contour, own)
+    outline_std = np.where(edges.unknown, UNKNOWN_STD_PX, OUTLINE_STD_PX)[own]
     refined: dict[Kind, Refined] = {}
     for kind, solid in first.items():
         if kind == "lying cylinder":
@@ -170,16 +174,22 @@ def fit_solid(
             inside or abs(solid.bottom - bottom[0]) > 0.012 + 2.0 * cloud.depth_std
         ):
             rests = (solid.bottom, 1.0)
-        seen = observe(frame, outline, cloud.points, cloud.depth_std, patches, solid.top, rests, equal_sides)
+        seen = observe(
+            frame, outline, outline_std, cloud.points, cloud.depth_std, patches, solid.top, rests, equal_sides
+        )
         fitted = refine_ellipsoid(solid, seen) if kind == "ellipsoid" else refine(solid, seen)
         refined[kind] = with_cut_top(fitted, cloud.used, cloud.points)
     if len(refined) == 1:
         return next(iter(refined.values()))
-    best = best_of(first, refined, cloud.points, cloud.depth_std)
+    best, likely = best_of(first, refined, cloud.points, cloud.depth_std)
     # A noun that is known says what the solid is, even where its label is bent or its outline spoilt.
-    if tuple(shapes) != ANY_KIND or is_explained(best, refined[best], cloud.points, cloud.depth_std):
-        return refined[best]
-    return box_around(frame, cloud.used, cloud.points, bottom, cloud.depth_std)
+    if tuple(shapes) != ANY_KIND:
+        return with_others(best, likely, refined)
+    if is_explained(best, refined[best], cloud.points, cloud.depth_std):
+        of_any_form = with_others(best, likely, refined)
+    else:
+        of_any_form = box_around(frame, cloud.used, cloud.points, bottom, cloud.depth_std)
+    return with_unseen_rest(of_any_form, edges.unseen_share)
 
 
 def _around(frame: PreparedFrame, cloud: MaskedCloud, reach: float = 0.12) -> np.ndarray:

@@ -78,6 +78,8 @@ def _refine_box(solid: Solid, seen: Observation) -> Refined:
             growth = _unseen_growth(best, outwards)
             variance[:2] += (way * growth / 2) ** 2
             sizes[axis] += growth**2
+    # Whatever the outline says, the height is known no better than the foot.
+    variance[2], sizes[2] = max(variance[2], seen.bottom_std**2 / 4), max(sizes[2], seen.bottom_std**2)
     yaw_std = float(np.sqrt(covariance[2, 2]))
     fitted = build(best.x)
     turned = _nearest_turn(fitted)
@@ -196,6 +198,7 @@ def _refine_cylinder(solid: Solid, seen: Observation) -> Refined:
     fitted = Solid("cylinder", np.array([x[0], x[1], x[3] - tall / 2]), 0.0, np.array([wide, wide, tall]))
     variance = np.array([covariance[0, 0], covariance[1, 1], (covariance[3, 3] + covariance[4, 4]) / 4])
     sizes = np.array([4.0 * covariance[2, 2], 4.0 * covariance[2, 2], covariance[3, 3] + covariance[4, 4]])
+    variance[2], sizes[2] = max(variance[2], seen.bottom_std**2 / 4), max(sizes[2], seen.bottom_std**2)
     return Refined(fitted, _floor(variance), float("inf"), best.rms, _floor(sizes))
 
 

@@ -11,12 +11,16 @@ from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import Solid
 from perception.geometry.support import SupportPlane
 
+FOOT_STD = 0.0015  # how well the height of a carrier in sight is known, in [m]
+HIDDEN_FOOT_STD = 0.004  # the same where the foot itself is not in sight
 FAR_BELOW = 0.10  # a hidden lower end longer than this in [m] more likely rests on something that nobody named
 
 # Of a side seen so steeply that its missing foot would be fewer pixels than this nobody can tell whether it is there.
 FORESHORTENED_PX = 10.0
 # A side that would be longer than this cannot lie unseen beneath a thing's own top.
 HIDDEN_SIDE_PX = 40.0
+# So far beyond the edge of a mask that ends too early the thing's own surface is lower by this in [m], and the noise.
+GOES_ON_PX, GOES_ON_FALL = 12.0, 0.006
 
 
 @dataclass(frozen=True)
@@ -28,12 +32,14 @@ class LowerEnd:
         drops: Beyond it depth falls away: the thing hangs in the air, or its own top hides what is beneath.
         height: Of the points just inside of it in [m]; NaN where unknown.
         px_per_metre: How many pixels a vertical metre takes there.
+        goes_on: Beyond it the surface goes on downwards without a step: the mask ends before the thing does.
     """
 
     hidden: bool
     drops: bool
     height: float
     px_per_metre: float
+    goes_on: bool = False
 
 
 def lower_end(
@@ -74,7 +80,13 @@ def lower_end(
     low = float(np.median(points[:, 2])) if len(points) >= 3 else float("nan")
     if len(gap) == 0:
         return LowerEnd(False, False, low, scale)
-    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4), low, scale)
+    farther = np.clip(np.round(edge + GOES_ON_PX * normals).astype(int), 0, limits)
+    falls = frame.heights[within[:, 1], within[:, 0]] - frame.heights[farther[:, 1], farther[:, 0]]
+    smooth = np.abs(inside - depth[farther[:, 1], farther[:, 0]]) < step
+    known = np.isfinite(falls)
+    fall = GOES_ON_FALL + 2.0 * frame.depth_std(float(np.nanmedian(inside)))
+    goes_on = bool(known.sum() >= 3 and np.mean((falls > fall)[known] & smooth[known]) > 0.4)
+    return LowerEnd(bool(np.mean(gap > step) > 0.4), bool(np.mean(gap < -step) > 0.4), low, scale, goes_on)
 
 
 def _down_in_picture(frame: RgbdFrame, centre: np.ndarray) -> np.ndarray:
@@ -121,13 +133,15 @@ def find_bottom(
     top_only = end.drops and float(np.quantile(points[:, 2], 0.95)) - lowest < 0.012 + 2.5 * depth_std
     # A side so large would show beneath the top, however steep the view: a bar that hangs on something is a bar.
     top_only &= (lowest - nearest) * end.px_per_metre < HIDDEN_SIDE_PX
-    unseen = end.hidden or top_only
+    unseen = end.hidden or top_only or end.goes_on
     if not unseen and lowest - nearest > tolerance:
         if end.drops and (lowest - nearest) * end.px_per_metre < FORESHORTENED_PX:
             return nearest, 0.5 * (lowest - nearest)  # the outline decides
         return lowest, 0.005 + depth_std
-    # A guess beneath a hidden end may be wrong by all that is hidden.
-    return nearest, 0.0015 + (0.3 * max(0.0, lowest - nearest - tolerance) if unseen else 0.0)
+    # A guess beneath a hidden end may be wrong by all that is hidden, and by what is thin and lies beneath.
+    if unseen:
+        return nearest, float(np.hypot(HIDDEN_FOOT_STD, 0.3 * max(0.0, lowest - nearest - tolerance)))
+    return nearest, FOOT_STD
 
 
 def levels(points: np.ndarray, thickness: float = 0.01, share: float = 0.15) -> list[float]:

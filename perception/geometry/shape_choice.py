@@ -10,6 +10,7 @@ shows them: m pieces of it disagree with the solid's by o, where an edge is know
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ FREEDOM: dict[Kind, int] = {"box": 7, "cylinder": 5, "sphere": 4, "lying cylinde
 ANY_KIND: tuple[Kind, ...] = ("box", "cylinder", "sphere", "lying cylinder")  # what an unknown noun may mean
 EDGES, OUTLINE_PX = 15.0, 0.5  # pieces of outline that err independently, and how well an edge is known in [px]
 PATCHES = 40.0  # points that err independently are seldom more
+TEMPER = 20.0  # scores that differ by less are no reason to be sure: points err together, and solids are rough models
 FIT_STD = 0.0015  # how far a first fit is off its own points in [m]
 LYING_STD = 0.003  # what noise, mask and a bent label leave on a lying can's ends and axis in [m]
 
@@ -66,8 +68,10 @@ def lying(solid: Solid, depth_std: float) -> Refined:
     return Refined(solid, spread, yaw_std, float("nan"), 2.0 * spread)
 
 
-def best_of(first: Mapping[Kind, Solid], refined: Mapping[Kind, Refined], points: np.ndarray, depth_std: float) -> Kind:
-    """The kind that points and outline speak for.
+def best_of(
+    first: Mapping[Kind, Solid], refined: Mapping[Kind, Refined], points: np.ndarray, depth_std: float
+) -> tuple[Kind, dict[Kind, float]]:
+    """The kind that points and outline speak for, and how likely each of them is, which sums to 1.
 
     Args:
         first: First fits, which hold to the points alone.
@@ -85,7 +89,34 @@ def best_of(first: Mapping[Kind, Solid], refined: Mapping[Kind, Refined], points
         # What is shorter than wide does not stay on its edge.
         if kind != "lying cylinder" or len(first) == 1 or solid.extents[0] > 0.8 * solid.extents[1]
     }
-    return min(scores, key=lambda kind: scores[kind])
+    best = min(scores, key=lambda kind: scores[kind])
+    odds: dict[Kind, float] = {kind: float(np.exp((scores[best] - score) / TEMPER)) for kind, score in scores.items()}
+    total = sum(odds.values())
+    likely: dict[Kind, float] = {kind: value / total for kind, value in odds.items()}
+    return best, likely
+
+
+def with_others(best: Kind, likely: Mapping[Kind, float], refined: Mapping[Kind, Refined]) -> Refined:
+    """The best kind's solid, less sure by how far the others differ, each as much as it is likely.
+
+        variance += sum over others k of p_k (value_k - value_best)^2
+
+    Args:
+        best: Kind that is taken.
+        likely: How likely each kind is, 0..1.
+        refined: Solids of all kinds.
+    """
+    chosen = refined[best]
+    place, sizes = chosen.position_std**2, chosen.extents_std**2
+    for kind, share in likely.items():
+        if kind == best:
+            continue
+        other = refined[kind].solid
+        place = place + share * (other.centre - chosen.solid.centre) ** 2
+        quarters = round((other.yaw - chosen.solid.yaw) / (np.pi / 2)) if other.shape == "box" else 0
+        extents = other.extents[[1, 0, 2]] if quarters % 2 else other.extents
+        sizes = sizes + share * (extents - chosen.solid.extents) ** 2
+    return replace(chosen, position_std=np.sqrt(place), extents_std=np.sqrt(sizes))
 
 
 def _score(kind: Kind, solid: Solid, points: np.ndarray, depth_std: float) -> float:
