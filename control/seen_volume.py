@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 UnseenPolicy = Literal["allow", "avoid", "refuse"]
 
 # States of a voxel. Things stand on something: where space is seen to be free, nothing that stands can be above it.
-KNOWN, OVERHEAD, HIDDEN = 0, 1, 2
+CLEAR, OVERHEAD, HIDDEN, FILLED = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,10 @@ class SeenVolume:
     Attributes:
         low: Lowest corner of the box in the world in [m], shape (3,).
         step: Side of a voxel in [m].
-        state: int8, shape (nx, ny, nz), index along the world's x, y and z. `KNOWN`: seen to be free, or filled by
-            something that is known. `OVERHEAD`: not seen, above space that was seen to be free, so that only what
-            hangs or floats can be there. `HIDDEN`: not seen, and something that stands could be there.
+        state: int8, shape (nx, ny, nz), index along the world's x, y and z. `CLEAR`: seen to be free. `FILLED`: a
+            surface was seen there, or something is known to stand there. `OVERHEAD`: not seen, above space that was
+            seen to be free, so that only what hangs or floats can be there. `HIDDEN`: not seen, and something that
+            stands could be there.
     """
 
     low: NDArray[np.float64]
@@ -34,7 +35,7 @@ class SeenVolume:
         """The states with one voxel more on every side, in one row."""
         around = np.pad(self.state, 1, constant_values=HIDDEN)
         around[:, :, -1] = OVERHEAD
-        around[:, :, 0] = KNOWN  # below the box is what carries everything
+        around[:, :, 0] = FILLED  # below the box is what carries everything
         return np.ascontiguousarray(around).reshape(-1)
 
     @property
@@ -74,6 +75,11 @@ class SeenVolume:
         out[index] = True
         return out.reshape(self._counts)
 
+    def middles(self, index: np.ndarray) -> NDArray[np.float64]:
+        """Middles of voxels in the world in [m] by their numbers, shape (n, 3)."""
+        cells = np.stack(np.unravel_index(index, self._counts), axis=-1)
+        return self.corner(cells) + self.step / 2
+
     def corner(self, cell: np.ndarray) -> NDArray[np.float64]:
-        """Lowest corner in the world in [m] of a voxel of `grid`, shape (3,)."""
+        """Lowest corner in the world in [m] of voxels of `grid`, (..., 3), shape (..., 3)."""
         return self.low + self.step * (np.asarray(cell, float) - 1.0)

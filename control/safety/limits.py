@@ -38,6 +38,8 @@ class SafetyLimits:
         unseen_volume: Largest share of the swept volume, 0..1, that nobody saw and where something that stands could
             be. Above an open table less than 1 % stays hidden; ways around furniture have 7 to 42 %.
         unseen_overhead: The same of space above what was seen to be free, where only what hangs or floats can be.
+        look_first: Under "avoid", the hidden share of a way, 0..1, from which on a wrist camera looks there before the
+            motion is played. A look takes as long as a motion; only ways around furniture have so large a share.
     """
 
     velocity_scale: float = 0.8
@@ -62,3 +64,4 @@ class SafetyLimits:
     unseen: UnseenPolicy = "avoid"
     unseen_volume: float = 0.05
     unseen_overhead: float = 1.0
+    look_first: float = 0.3

@@ -60,6 +60,7 @@ class SweptUnseen:
         at: When the motion first enters it, in [s].
         bodies: Parts of the robot, and what it holds, that sweep hidden space.
         points: Middles of the hidden voxels that are swept in the world in [m], shape (n, 3).
+        above: The same of those that are overhead, shape (m, 3).
     """
 
     hidden: float
@@ -69,6 +70,7 @@ class SweptUnseen:
     at: float | None
     bodies: tuple[str, ...]
     points: NDArray[np.float64]
+    above: NDArray[np.float64]
 
     @property
     def record(self) -> dict[str, object]:
@@ -123,7 +125,6 @@ def unseen_on_the_way(
     hidden = swept[states == HIDDEN]
     patch, at = _largest(seen, hidden, first)
     count = max(1, len(swept))
-    grid = np.argwhere(seen.grid(hidden))
     return SweptUnseen(
         hidden=len(hidden) / count,
         overhead=float(np.count_nonzero(states == OVERHEAD) / count),
@@ -131,7 +132,8 @@ def unseen_on_the_way(
         patch=patch,
         at=None if at is None else float(times[rows[at]]),
         bodies=tuple(bodies),
-        points=seen.corner(grid) + seen.step / 2,
+        points=seen.middles(hidden),
+        above=seen.middles(swept[states == OVERHEAD]),
     )
 
 

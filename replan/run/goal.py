@@ -116,8 +116,10 @@ def _run(
             if options.poses == "true":
                 perception = TruePoses(client, tuple(cell.furniture))
             session = RunSession(client, cell, limits, episode, film, say, Stopwatch())
-            executor = TwinCheckedExecutor(session, options.seed, options.video, options.go_on_after_stall)
             observer = CameraSceneObserver(session, perception)
+            executor = TwinCheckedExecutor(
+                session, options.seed, options.video, options.go_on_after_stall, observer.look_again
+            )
             context = RunContext(
                 goal=options.goal,
                 reasoner=reasoner,

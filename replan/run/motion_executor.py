@@ -1,5 +1,7 @@
 """Hands of a run: from a reward spec to a motion that was judged in the twin and then played by the robot."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from control.robot.dynamics import RobotModel
@@ -9,6 +11,7 @@ from control.tasks.reward_spec import RewardSpec
 from perception.estimates import SceneEstimate
 from planning.baselines.rehearsal import Rehearsal
 from planning.loop.interfaces import AttemptResult
+from replan.run.first_looks import MOST_LOOKS, FirstLooks
 from replan.run.motion_finder import MotionFinder
 from replan.run.motion_player import MotionPlayer, failed
 from replan.run.session import RunSession
@@ -23,13 +26,22 @@ class TwinCheckedExecutor:
         seed: Of motion search and of the perturbed twins.
         filming: Whether to take pictures while the robot moves.
         go_on_after_stall: As for `replan.run.motion_player.MotionPlayer`.
+        look_again: A fresh look for the same names after nothing but the arm has moved; None where nobody looks first.
     """
 
-    def __init__(self, session: RunSession, seed: int, filming: bool, go_on_after_stall: bool = False) -> None:
+    def __init__(
+        self,
+        session: RunSession,
+        seed: int,
+        filming: bool,
+        go_on_after_stall: bool = False,
+        look_again: Callable[[], SceneEstimate] | None = None,
+    ) -> None:
         self._session = session
         self._robot = RobotModel.panda(gripper=session.cell.robot.gripper_model)
         self._finder = MotionFinder(session, seed, self._robot)
         self._player = MotionPlayer(session, filming, go_on_after_stall)
+        self._looks = FirstLooks(session, self._finder, self._player, look_again)
 
     @property
     def steps(self) -> int:
@@ -66,9 +78,15 @@ class TwinCheckedExecutor:
         Raises:
             RobotGoneError, StoppedError, KeyboardInterrupt: Not failures of a subtask but ends of the run; a robot
                 that stopped by itself waits for a person, so that ends the run as well.
+            PerceptionError: It looked first, and nothing could be seen.
         """
         with self._session.watch.part("search"):
             found = self._finder.find(spec, scene, self._player.start())
+            for _ in range(MOST_LOOKS):
+                latest = self._looks.along(found)
+                if latest is None:
+                    break
+                found = self._finder.find(spec, latest, self._player.start())
             if isinstance(found, FailureCause):
                 return failed(self._session.episode, found)
             return self._player.play(found)

@@ -58,7 +58,7 @@ class MotionPlayer:
         Raises:
             RobotGoneError, StoppedError, KeyboardInterrupt: The run cannot go on.
         """
-        spec, trajectory, verdict = motion.spec, motion.trajectory, motion.verdict
+        trajectory, verdict = motion.trajectory, motion.verdict
         self._session.film.stills.append(("the twin, from what was seen", render_twin(motion.twin)))
         state = self._session.client.state()
         certificate = issue_certificate(
@@ -81,7 +81,7 @@ class MotionPlayer:
                 report = self._session.client.execute(trajectory, certificate, on_progress=self._on_progress)
         except RefusedError as error:
             self._session.episode.log("refused", code=error.code, reason=str(error))
-            cause = FailureCause("refused_by_robot", spec.primary.subject, str(error), check=error.code)
+            cause = FailureCause("refused_by_robot", motion.subject, str(error), check=error.code)
             return failed(self._session.episode, cause)
         self._record(report)
         # A motion may end with something in the hand (a lift); the last thing held is what the gripper still feels.
@@ -91,18 +91,16 @@ class MotionPlayer:
             told = [e for e in trajectory.gripper if e.command.kind == "grasp"]
             held_before = sum(e.time < report.played * SAMPLE_TIME for e in told) - 1
             evidence = {"grasps_that_held": max(0, held_before)}
-            cause = FailureCause(
-                "lost_grasp", spec.primary.subject, report.detail, check=report.reason, evidence=evidence
-            )
+            cause = FailureCause("lost_grasp", motion.subject, report.detail, check=report.reason, evidence=evidence)
             return failed(self._session.episode, cause)
         if report.reason in STALLED and self._goes_on:
             self._session.say(f"robot: at rest on its path, since {report.detail}; acknowledged, looking again")
             self._session.client.acknowledge()
-            cause = FailureCause("refused_by_robot", spec.primary.subject, report.detail, check=report.reason)
+            cause = FailureCause("refused_by_robot", motion.subject, report.detail, check=report.reason)
             return failed(self._session.episode, cause)
         if not report.completed:
             kind = "lost_grasp" if report.reason == "lost_grasp" else "tracking_error"
-            cause = FailureCause(kind, spec.primary.subject, report.detail, check=report.reason)
+            cause = FailureCause(kind, motion.subject, report.detail, check=report.reason)
             self._session.episode.log("failure", cause=cause)
             raise StoppedError(
                 f"the robot stopped by itself ({report.reason}): {report.detail}; look at the cell, "

@@ -1,6 +1,6 @@
 """Eyes of a run: frames from the cell's cameras, perceived, with pictures of what was seen."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ from perception.estimates import SceneEstimate
 from perception.pictures import overlay
 from perception.recordings.opening import save_npz
 from perception.scene_file import LookRecord, PerceptionResult
+from perception.tracking.unchanged import unchanged
 from replan.run.looked_into import LookedInto
 from replan.run.session import RunSession
 
@@ -35,32 +36,45 @@ class CameraSceneObserver:
         self._perception = perception
         self._before: SceneEstimate | None = None
         self._looked = LookedInto(session.cell)
+        self._names: tuple[str, ...] = ()
         self.pictures: tuple[np.ndarray, ...] = ()
 
-    def look(self, names: Sequence[str], unchanged: bool = False) -> SceneEstimate:
-        """Take fresh frames and find the named objects in them, and what is known to stand in the cell.
+    def look_again(self, anew: Collection[str] = ()) -> SceneEstimate:
+        """Look for the same names, where nothing but the arm has moved since: what was seen before still counts.
 
         Args:
-            names: Of objects.
-            unchanged: Whether nothing but the arm has moved since the last look: what that saw still counts as seen.
+            anew: Names that are seen better now, if they are seen; the others stay where they were seen before.
+
+        Raises:
+            PerceptionError, RobotGoneError: As for `look`.
+        """
+        with self._session.watch.part("perception"):
+            return self._look(self._names, anew)
+
+    def look(self, names: Sequence[str]) -> SceneEstimate:
+        """Take fresh frames and find the named objects in them, and what is known to stand in the cell.
 
         Raises:
             PerceptionError: A frame cannot be used, or the detector cannot work at all.
             RobotGoneError: The cell does not answer.
         """
         with self._session.watch.part("perception"):
-            return self._look(names, unchanged)
+            return self._look(names)
 
-    def _look(self, names: Sequence[str], unchanged: bool) -> SceneEstimate:
+    def _look(self, names: Sequence[str], anew: Collection[str] | None = None) -> SceneEstimate:
         import cv2
 
+        self._names = tuple(names)
         frames = self._session.client.frames()
         self.pictures = tuple(frame.colour for frame in frames)
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._session.episode.numbered("look", "npz"), frames)
         scene = self._perception.perceive(frames, (*names, *self._perception.known), self._before)
+        still = self._before if anew is not None else None
+        if still is not None:
+            scene = unchanged(still, scene, anew or ())
         state = self._session.client.state()
-        seen = self._looked.after(frames, scene, np.array(state.q), state.gripper_width, unchanged)
+        seen = self._looked.after(frames, scene, np.array(state.q), state.gripper_width, still is not None)
         scene = replace(scene, seen=seen)
         self._before = scene
         cameras = "+".join(f.camera for f in frames)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy import ndimage
 
-from control.seen_volume import HIDDEN, KNOWN, OVERHEAD, SeenVolume
+from control.seen_volume import CLEAR, FILLED, HIDDEN, OVERHEAD, SeenVolume
 from perception.seen_space import FREE, OCCUPIED, UNSEEN, SeenSpace
 from perception.unexplained.carving import below, filled
 from sim_check.models.robot_region import solids_of
@@ -36,5 +36,8 @@ def seen_volume(seen: SeenSpace, model: mujoco.MjModel, data: mujoco.MjData, sup
     under[:, :, 1:] = free[:, :, :-1]
     # Beyond the box's sides nobody looks, so nothing is free there.
     under = ndimage.minimum_filter(under.view(np.int8), size=(2 * REACH + 1, 2 * REACH + 1, 1), mode="constant") > 0
-    state = np.where(space.state == UNSEEN, np.where(under, OVERHEAD, HIDDEN), KNOWN).astype(np.int8)
+    state = np.full(space.state.shape, CLEAR, np.int8)
+    state[space.state == OCCUPIED] = FILLED
+    unseen = space.state == UNSEEN
+    state[unseen] = np.where(under[unseen], OVERHEAD, HIDDEN)
     return SeenVolume(space.low, space.step, state)

@@ -11,7 +11,7 @@ from control.planners.motion_search import plan_motion
 from control.planners.result import MotionPlan
 from control.robot.limits import REST_Q
 from control.safety.limits import SafetyLimits
-from control.seen_volume import HIDDEN, KNOWN, OVERHEAD
+from control.seen_volume import CLEAR, FILLED, HIDDEN, OVERHEAD
 from perception.seen_space import FREE, SeenSpace
 from sim_check.cells.loading import load_cell
 from sim_check.twin.seen_volume import REACH
@@ -46,21 +46,21 @@ def test_a_twin_without_a_look_says_so():
 
 def test_things_the_robot_and_the_table_are_known_and_all_else_is_hidden():
     twin = twin_after(NOTHING)
-    assert state_at(twin, 0.5, 0.15, 0.03) == state_at(twin, 0.45, -0.15, 0.025) == KNOWN
-    assert state_at(twin, 0.0, 0.0, 0.1) == KNOWN  # the robot's base
+    assert state_at(twin, 0.5, 0.15, 0.03) == state_at(twin, 0.45, -0.15, 0.025) == FILLED
+    assert state_at(twin, 0.0, 0.0, 0.1) == CLEAR  # the robot's base
     palm = twin.start().body("panda_hand").xpos
-    assert state_at(twin, *palm) == KNOWN
+    assert state_at(twin, *palm) == CLEAR
     assert state_at(twin, 0.6, -0.3, 0.05) == state_at(twin, 0.6, -0.3, 0.6) == HIDDEN
-    assert state_at(twin, 0.6, -0.3, -0.01) == KNOWN
+    assert state_at(twin, 0.6, -0.3, -0.01) == FILLED
 
 
 def test_what_is_above_space_that_was_seen_to_be_free_is_overhead_but_not_beside_it():
     twin = twin_after(seen_free((0.3, -0.6, 0.0), (0.8, 0.0, 0.3)))
-    assert state_at(twin, 0.55, -0.3, 0.1) == KNOWN
+    assert state_at(twin, 0.55, -0.3, 0.1) == CLEAR
     assert state_at(twin, 0.55, -0.3, 0.5) == OVERHEAD
     # Things overhang their feet: something that stands beside the free space reaches a little above it.
     rim = 0.8 - (REACH - 0.5) * 0.02
-    assert state_at(twin, rim, -0.3, 0.1) == KNOWN and state_at(twin, rim, -0.3, 0.5) == HIDDEN
+    assert state_at(twin, rim, -0.3, 0.1) == CLEAR and state_at(twin, rim, -0.3, 0.5) == HIDDEN
     assert state_at(twin, 0.2, -0.3, 0.5) == HIDDEN
 
 

@@ -13,7 +13,7 @@ from control.robot.limits import REST_Q, panda_limits
 from control.safety.limits import SafetyLimits
 from control.safety.residuals import HeldSpan
 from control.safety.swept_volume import unseen_on_the_way
-from control.seen_volume import HIDDEN, KNOWN, OVERHEAD, SeenVolume
+from control.seen_volume import CLEAR, FILLED, HIDDEN, OVERHEAD, SeenVolume
 from control.trajectory.samples import JointPath, PathSegment
 from control.twin_model import ARM_JOINTS, HAND_BODY
 from sim_check.verdict.verdict import judge_in_detail
@@ -23,9 +23,9 @@ LOW, SHAPE = np.array([-0.3, -0.9, 0.0]), (65, 90, 65)
 SAFETY = SafetyLimits()
 
 
-def volume(state=KNOWN, where=None):
+def volume(state=CLEAR, where=None):
     """A box around the arm's reach, all of it in one state; or only what lies in a box (low, high), the rest known."""
-    states = np.full(SHAPE, state if where is None else KNOWN, np.int8)
+    states = np.full(SHAPE, state if where is None else CLEAR, np.int8)
     if where is not None:
         low, high = (np.round((np.array(corner) - LOW) / 0.02).clip(0).astype(int) for corner in where)
         states[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = state
@@ -85,7 +85,7 @@ def test_nobody_looks_beside_the_box_and_nothing_stands_above_it():
     beside, above = np.array([[0.9, 0.0, 0.1]]).T, np.array([[-0.2, -0.8, 0.5]]).T
     inside, below = np.array([[-0.2, -0.8, 0.1]]).T, np.array([[-0.2, -0.8, -0.3]]).T
     states = [int(seen.states(seen.index(p))[0]) for p in (beside, above, inside, below)]
-    assert states == [HIDDEN, OVERHEAD, KNOWN, KNOWN]
+    assert states == [HIDDEN, OVERHEAD, CLEAR, FILLED]
 
 
 def test_what_is_in_the_hand_sweeps_space_as_well():

@@ -1,0 +1,43 @@
+"""A further look of an unchanged world adds what it shows, and moves nothing that was seen before."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.scenes.estimates import estimate, scene
+from perception.estimates import Unseen
+from perception.tracking.unchanged import unchanged
+
+CUBE = (0.05, 0.05, 0.05)
+BEFORE = replace(
+    scene(estimate("red_cube", (0.4, 0.0, 0.025), CUBE), estimate("unnamed_1", (0.6, 0.2, 0.05), (0.1, 0.1, 0.1))),
+    unseen=(Unseen("kettle", "no box above the threshold"),),
+)
+
+
+def test_what_was_seen_before_stays_where_it_was_seen_even_if_the_further_look_errs_about_it():
+    now = replace(scene(estimate("red_cube", (0.0, 0.0, 0.5), CUBE), table=0.02), stamp=9.0)
+    both = unchanged(BEFORE, now)
+    assert both.names == ("red_cube", "unnamed_1") and both.stamp == 9.0 and both.support_height == 0.0
+    red = both.get("red_cube")
+    assert red is not None
+    np.testing.assert_allclose(red.position, [0.4, 0.0, 0.025])
+
+
+def test_names_that_are_looked_at_anew_are_taken_from_the_further_look_where_it_saw_them():
+    now = scene(estimate("red_cube", (0.41, 0.0, 0.025), CUBE))
+    both = unchanged(BEFORE, now, {"red_cube", "unnamed_1"})
+    assert [round(float(o.position[0]), 2) for o in both.objects] == [0.41, 0.6]
+
+
+def test_new_names_and_unnamed_things_where_none_stood_are_added():
+    now = scene(
+        estimate("kettle", (0.5, -0.3, 0.1), (0.2, 0.15, 0.2)),
+        estimate("unnamed_1", (0.61, 0.2, 0.05), (0.1, 0.1, 0.1)),
+        estimate("unnamed_2", (0.3, 0.5, 0.05), (0.1, 0.1, 0.1)),
+        estimate("unnamed_3", (0.3, -0.5, 0.05), (0.1, 0.1, 0.1)),
+    )
+    both = unchanged(BEFORE, replace(now, unseen=BEFORE.unseen))
+    assert both.names == ("red_cube", "unnamed_1", "kettle", "unnamed_2", "unnamed_3")
+    assert [o.position[1] for o in both.objects[3:]] == [0.5, -0.5]
+    assert both.unseen == ()
