@@ -122,6 +122,7 @@ class TwinObject:
         position_std: Spread of its position as perceived, in [m], shape (3,).
         yaw_std: Spread of its yaw in [rad]; infinite where it has none.
         handle: What to take hold of when the whole is too wide for the gripper (a kettle), or None.
+        doubts: What speaks against it as perceived, a clause each; a doubted thing is not taken hold of.
     """
 
     name: str
@@ -134,6 +135,7 @@ class TwinObject:
     position_std: NDArray[np.float64]
     yaw_std: float
     handle: Handle | None = None
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,8 @@ class ObjectEstimate:
             or that no camera sees, has a large one.
         colour: Its colour in a word of the catalogue, or None where nobody says or it is
             undecided.
+        doubts: What speaks against it, a clause each: it floats, fills another thing's place, or too little of it is
+            seen. Such a thing stands in the way like any other and is not taken hold of.
     """
 
     name: str
@@ -70,6 +72,7 @@ class ObjectEstimate:
     joint_stds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     extents_std: NDArray[np.float64] | None = None
     colour: str | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def position(self) -> np.ndarray:

@@ -138,7 +138,7 @@ def _draw_label(
     """
     height, width = picture.shape[:2]
     size = 100 * np.asarray(o.extents)
-    text = f"{o.phrase} {o.score:.2f}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
+    text = f"{o.phrase}{' ?' if o.doubts else ''} {o.score:.2f}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
     scale = 0.42 * max(1.0, height / 720)
     (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
     wide, high = w + 8, h + 10
@@ -180,10 +180,13 @@ def _place_in_picture(frame: RgbdFrame, o: ObjectEstimate) -> Rect | None:
 
 
 def _draw_footer(picture: np.ndarray, scene: SceneEstimate) -> None:
-    """A band at the foot: who looked, and what was not seen."""
+    """A band at the foot: who looked, what is doubted, and what was not seen."""
     height, width = picture.shape[:2]
     scale = 0.38 * max(1.0, height / 720)
     lines = [scene.source]
+    doubted = [o for o in scene.objects if o.doubts]
+    if doubted:
+        lines.append("doubted: " + "; ".join(f"{o.name} ({', '.join(o.doubts)})" for o in doubted))
     if scene.unseen:
         lines.append("not seen: " + "; ".join(f"{u.name} ({u.reason})" for u in scene.unseen))
     step = round(40 * scale)

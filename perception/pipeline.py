@@ -24,6 +24,7 @@ from perception.known_shapes.models import KnownModel
 from perception.options import PerceptionOptions
 from perception.stages.boxes_to_masks import masks_of
 from perception.stages.camera_agreement import View, agreed
+from perception.stages.doubts import with_doubts
 from perception.stages.known_shapes_first import find_shapes, likeliest
 from perception.stages.masks_to_solids import solids_of
 from perception.stages.named_boxes import kept_boxes, named_boxes
@@ -110,6 +111,7 @@ class Perception:
                     unseen.append(Unseen(name, said))
                 else:
                     objects += [said] if isinstance(said, ObjectEstimate) else said
+            objects = with_doubts(objects, seeing, self.known, self.catalogue)
         return SceneEstimate(
             objects=tuple(objects),
             unseen=tuple(unseen),

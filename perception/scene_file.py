@@ -83,6 +83,7 @@ class ObjectRecord(_Strict):
         joint_stds: Spreads of these.
         extents_std: Spread of the extents in [m], or null where nobody says.
         colour: Its colour in a word, or null where it is undecided or nobody says; older files do not have it.
+        doubts: What speaks against it; older files do not have it.
         box_px: (x0, y0, x1, y1) in the picture in [px], or null.
         depth_share: Share of its pixels with depth, or null.
         track: The thing that it is, where frames were followed.
@@ -99,6 +100,7 @@ class ObjectRecord(_Strict):
     joint_stds: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
     extents_std: tuple[float, float, float] | None = None
     colour: str | None = None
+    doubts: tuple[str, ...] = ()
     box_px: tuple[float, float, float, float] | None = None
     depth_share: float | None = None
     track: TrackRecord | None = None
@@ -166,6 +168,7 @@ class LookRecord(_Strict):
                 joint_stds=dict(o.joint_stds),
                 extents_std=None if o.extents_std is None else np.asarray(o.extents_std),
                 colour=o.colour,
+                doubts=o.doubts,
             )
             for o in self.objects
         )
@@ -276,6 +279,7 @@ def _record(o: ObjectEstimate, track: Track | None) -> ObjectRecord:
             "joint_stds": dict(o.joint_stds),
             "extents_std": None if o.extents_std is None else np.asarray(o.extents_std).tolist(),
             "colour": o.colour,
+            "doubts": list(o.doubts),
             "box_px": np.asarray(seen.box_px).tolist() if seen else None,
             "depth_share": round(seen.depth_share, 3) if seen else None,
             "track": TrackRecord.of(track) if track else None,

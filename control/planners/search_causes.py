@@ -34,6 +34,8 @@ def hindrance(twin: TwinModel, spec: RewardSpec, task: Subtask, safety: SafetyLi
     if twin.held is None and thing is not None:
         if not thing.movable:
             return FailureCause("no_candidate", subject, f"'{subject}' is fixed and cannot be carried")
+        if thing.doubts:
+            return FailureCause("not_seen", subject, f"'{subject}' is not taken hold of: {'; '.join(thing.doubts)}")
         width = graspable_width(posed_objects(twin, twin.start())[task.subject])
         if thing.handle is not None:
             width = min(width, 2 * thing.handle.half_width)

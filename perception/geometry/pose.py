@@ -45,7 +45,7 @@ class MaskedCloud:
         mask: bool, shape (height, width).
         used: Those of its pixels that became points, bool, same shape.
         points: In the world in [m], shape (n, 3).
-        depth_share: Share of the mask with known depth, 0..1.
+        depth_share: Share of the mask whose depth was measured, 0..1.
         depth_std: Spread of one point along its ray in [m].
         end: What the picture says about the lower end.
         whole: The mask with what something nearer hides between its pieces, bool, same shape.
@@ -87,7 +87,7 @@ def masked_cloud(
     if size == 0:
         return "nothing stands out inside its box"
     known = mask & frame.valid_depth
-    share = float(known.sum() / size)
+    share = float((mask & frame.measured_depth).sum() / size)
     if share < settings.least_depth_share:
         return f"not enough depth ({share:.0%} of its pixels, {settings.least_depth_share:.0%} are needed)"
     used = known & frame.trusted_depth
@@ -158,7 +158,8 @@ def fit_solid(
     if inside:
         bottom = (bottom[0], max(bottom[1], VESSEL_FLOOR_STD))
     first = first_fits(cloud.points, shapes, bottom[0], cloud.depth_std)
-    patches = max(1.0, len(cloud.points) / frame.noise.patch_px)
+    measured = float(frame.measured_depth[cloud.used].mean())
+    patches = max(1.0, measured * len(cloud.points) / frame.noise.patch_px)
     edges = mask_edges(frame, cloud.contour, cloud.whole, bottom[0], covering)
     own = convex_outline(cloud.contour, edges.ends | edges.unknown)
     outline = outline_pixels(cloud.contour, own)

@@ -1,15 +1,16 @@
 """A frame with all that follows from it alone, each thing worked out at most once and only when it is asked for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.frames import RgbdFrame, read_only
 from perception.geometry.cloud import StereoNoise, back_project, height_map, to_world
-from perception.geometry.depth_cleaning import neighbour_range, speckles
+from perception.geometry.depth_cleaning import neighbour_range, speckles, without_pinholes
 from perception.geometry.depth_rays import DepthRays
 from perception.geometry.support import SupportPlane, estimate_support
 
@@ -17,6 +18,10 @@ STEP = 0.03  # pixels beside a larger step of depth are mixed of front and back,
 FARTHEST = 2.5  # rays beyond this say too little, in [m]
 # A surface's direction is told by pixels so far to all sides, in [px]: at 0.7 m the noise leaves 12 degrees of a table.
 NORMAL_REACH = 8
+SCALE_STD = 0.01  # by which share the depths of a usual camera are wrong together
+MOST_SCALE_STD = 0.015  # more than this is another fault, for instance of the camera's pose
+TABLE_STD = 0.005  # how far a table's top is off the world's z = 0, in [m]
+LEAST_CAMERA_HEIGHT = 0.15  # a camera lower than this above the support says nothing of its scale by it, in [m]
 THINNING = 4  # every how many rows and columns tell where surfaces around a thing are
 
 
@@ -28,16 +33,48 @@ class PreparedFrame(RgbdFrame):
 
     Attributes:
         noise: Of its depth.
+        measured: Where depth was measured, bool, shape (height, width), if single pixels that were not have been given
+            the nearest one; None where depth is as it came.
     """
 
     noise: StereoNoise = field(default_factory=StereoNoise)
+    measured: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, frame: RgbdFrame, noise: StereoNoise | None = None) -> "PreparedFrame":
         """The frame itself if it is prepared already and no other noise is asked for, else a new one of it."""
         if isinstance(frame, PreparedFrame) and noise in (None, frame.noise):
             return frame
-        return cls(*(getattr(frame, f.name) for f in fields(RgbdFrame)), noise=noise or StereoNoise())
+        measured = frame.measured if isinstance(frame, PreparedFrame) else None
+        own = (getattr(frame, f.name) for f in fields(RgbdFrame))
+        ready = cls(*own, noise=noise or StereoNoise(), measured=measured)
+        filled = without_pinholes(ready.depth, ready.valid_depth)
+        return ready if filled is None else replace(ready, depth=filled, measured=ready.valid_depth)
+
+    @property
+    def measured_depth(self) -> np.ndarray:
+        """Where depth was measured and not taken from beside, bool, shape (height, width)."""
+        return self.valid_depth if self.measured is None else self.measured
+
+    def scale_std(self, x: float, y: float) -> float:
+        """By which share all its depths may be wrong together, as the height tells at which it shows the support.
+
+        (x, y) in [m] is where in the world it is asked for.
+
+        The world's z = 0 is where things stand. Depth that is too long by a share s shows it lower by s times the
+        camera's height; so does a table that truly is lower. How much of what is seen is due to depth:
+
+            share = sigma_s^2 / (sigma_s^2 + sigma_t^2)
+
+        with the usual error of a depth camera sigma_s and that of a table's height sigma_t.
+        """
+        lies = float(self.support.at(x, y))
+        height = float(self.world_T_camera[2, 3]) - lies
+        if not self.support.seen or height < LEAST_CAMERA_HEIGHT:
+            return 0.0
+        of_depth, of_table = SCALE_STD * height, TABLE_STD
+        share = of_depth**2 / (of_depth**2 + of_table**2)
+        return min(share * abs(lies) / height, MOST_SCALE_STD)
 
     def depth_std(self, depth: float) -> float:
         """Spread of a depth at a distance, both in [m]."""

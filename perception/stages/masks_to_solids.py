@@ -13,6 +13,8 @@ from perception.geometry.shape_choice import kinds_of
 from perception.geometry.solids import Solid
 from perception.interfaces import Detection
 
+ENOUGH_DEPTH = 0.7  # where less of a thing's depth was measured its score falls with the share
+
 
 def solids_of(
     frame: PreparedFrame,
@@ -55,6 +57,8 @@ def solids_of(
             frame, cloud, kinds_of(appearance), frame.support, solids, above, vessels, appearance.equal_sides
         )
         (vessels if appearance.hollow else solids).append(fitted.solid)
+        scale_std = frame.scale_std(*fitted.solid.centre[:2])
+        off = scale_std * np.abs(fitted.solid.centre - frame.world_T_camera[:3, 3])
         evidence = Evidence(frame.camera, box.box_px, cloud.mask, cloud.depth_share, source)
         found[name] = ObjectEstimate(
             name=name,
@@ -62,11 +66,11 @@ def solids_of(
             world_T_object=fitted.solid.pose,
             extents=fitted.solid.extents,
             shape=fitted.solid.shape,
-            position_std=fitted.position_std,
+            position_std=np.hypot(fitted.position_std, off),
             yaw_std=fitted.yaw_std,
-            score=float(np.clip(box.score, 0.0, 1.0)),
+            score=float(np.clip(box.score, 0.0, 1.0) * min(1.0, cloud.depth_share / ENOUGH_DEPTH)),
             stamp=frame.stamp,
             evidence=(evidence,),
-            extents_std=fitted.extents_std,
+            extents_std=np.hypot(fitted.extents_std, scale_std * fitted.solid.extents),
         )
     return found, missing

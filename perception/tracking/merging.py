@@ -7,6 +7,8 @@ import numpy as np
 
 from perception.estimates import ObjectEstimate
 
+BY_CHANCE = 2.0  # two right values have a larger ratio in one of six cases
+
 
 def agree(a: ObjectEstimate, b: ObjectEstimate, gate: float = 0.03) -> bool:
     """Whether two estimates may be one object: centres within `gate` [m] and three spreads of each other."""
@@ -39,6 +41,8 @@ def turned_like(estimate: ObjectEstimate, yaw: float) -> ObjectEstimate:
 def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
     """Merge estimates of one object from several cameras; each axis by 1 / variance.
 
+    Where they differ by more than their spreads say, the spread of the mean grows by as much (Birge's ratio).
+
     Those that do not agree with the one of smallest spread are another thing of the same appearance, or a mistake; they
     are left out. Evidence is kept of those merged.
 
@@ -52,27 +56,42 @@ def merge(estimates: Sequence[ObjectEstimate]) -> ObjectEstimate:
         return best
     variance = np.array([e.position_std**2 for e in same])
     weight = 1.0 / variance
-    position = (np.array([e.position for e in same]) * weight).sum(0) / weight.sum(0)
-    total = weight.sum(1) / weight.sum()
-    extents = (np.array([e.extents for e in same]) * total[:, None]).sum(0)
+    position, position_std = _mean(np.array([e.position for e in same]), np.array([e.position_std for e in same]))
+    sides = np.array([e.extents for e in same])
     sizes = [e.extents_std for e in same if e.extents_std is not None]
+    extents_std = None
+    if len(sizes) == len(same):
+        extents, extents_std = _mean(sides, np.array(sizes))
+    else:
+        extents = (sides * (weight.sum(1) / weight.sum())[:, None]).sum(0)
     pose = np.eye(4)
     yaw_std = best.yaw_std
     if np.isfinite(best.yaw_std):
         yaws = np.array([best.yaw + np.angle(np.exp(1j * (e.yaw - best.yaw))) for e in same])
-        yaw_weight = 1.0 / np.array([e.yaw_std**2 for e in same])
-        yaw = float((yaws * yaw_weight).sum() / yaw_weight.sum())
-        yaw_std = float(1.0 / np.sqrt(yaw_weight.sum()))
+        yaw, yaw_std = (float(v) for v in _mean(yaws, np.array([e.yaw_std for e in same])))
         pose[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
     pose[:3, 3] = position
     return replace(
         best,
         world_T_object=pose,
         extents=extents,
-        position_std=1.0 / np.sqrt(weight.sum(0)),
+        position_std=position_std,
         yaw_std=yaw_std,
         score=max(e.score for e in same),
         stamp=max(e.stamp for e in same),
-        extents_std=np.min(sizes, axis=0) if sizes else None,
+        extents_std=extents_std,
         evidence=tuple(item for e in same for item in e.evidence),
     )
+
+
+def _mean(values: np.ndarray, stds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean by 1 / variance over the first axis, and its spread; shape (n, ...) to (...), both.
+
+    Args:
+        values: At least two.
+        stds: Their spreads, same shape.
+    """
+    weight = 1.0 / stds**2
+    mean = (values * weight).sum(0) / weight.sum(0)
+    ratio = (weight * (values - mean) ** 2).sum(0) / (len(values) - 1)
+    return mean, np.sqrt(np.maximum(ratio / BY_CHANCE, 1.0) / weight.sum(0))

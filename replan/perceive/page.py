@@ -46,6 +46,7 @@ class Row:
     score: str
     depth: str
     filtered: str
+    doubts: str
 
 
 @dataclass(frozen=True)
@@ -184,6 +185,7 @@ def _row(o: ObjectEstimate, track: Track, colour: tuple[int, int, int]) -> Row:
         depth="" if seen is None else f"{100 * seen.depth_share:.0f} % of {int(seen.mask.sum())} px",
         filtered=f"{metres(track.estimate.position)} ± {1e3 * track.estimate.position_std.max():.1f} mm, "
         f"{track.still} frame{'s' if track.still > 1 else ''}" + (f", moved {track.moves} x" if track.moves else ""),
+        doubts="; ".join(o.doubts),
     )
 
 

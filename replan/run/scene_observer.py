@@ -102,6 +102,7 @@ class CameraSceneObserver:
                     "position_std": o.position_std,
                     "joint_fractions": o.joint_fractions,
                     "score": o.score,
+                    "doubts": o.doubts,
                 }
                 for o in scene.objects
             ],
@@ -109,5 +110,8 @@ class CameraSceneObserver:
             share_seen=seen.share_seen,
         )
         unseen = "; ".join(f"{u.name}: {u.reason}" for u in scene.unseen)
+        for o in scene.objects:
+            if o.doubts:
+                self._session.say(f"doubts {o.name}: {'; '.join(o.doubts)}")
         self._session.say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))
         return scene

@@ -280,6 +280,7 @@ def _described(estimate: ObjectEstimate, thing: ObjectModel | FurnitureModel) ->
         position_std=np.array(estimate.position_std, float),
         yaw_std=float(estimate.yaw_std),
         handle=thing.handle,
+        doubts=estimate.doubts,
     )
 
 

@@ -117,6 +117,13 @@ def test_furniture_cannot_be_lifted():
     assert refused(cabinet(), only(LIFT, "cabinet", None, 0.9)).message == "'cabinet' is fixed and cannot be carried"
 
 
+def test_a_thing_that_is_doubted_is_not_taken_hold_of_and_the_doubt_is_the_reason():
+    doubted = replace(estimate("red_cube", (0.45, -0.15, 0.025), CUBE), doubts=("its place is known to ± 30 mm only",))
+    cause = refused(twin_of(doubted), only(LIFT, "red_cube", None, 0.2))
+    assert (cause.kind, cause.subject) == ("not_seen", "red_cube")
+    assert cause.message == "'red_cube' is not taken hold of: its place is known to ± 30 mm only"
+
+
 # -- how the arm starts ------------------------------------------------------------------------------------------------
 
 

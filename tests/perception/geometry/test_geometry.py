@@ -253,6 +253,21 @@ def test_an_estimate_elsewhere_is_another_thing_and_not_averaged_in():
     assert merge([estimate(0.5, spread=0.003), estimate(0.9)]).position[0] == pytest.approx(0.9)
 
 
+def test_estimates_that_differ_by_more_than_their_spreads_leave_a_wider_one():
+    apart = merge([estimate(0.500, spread=0.001), estimate(0.510, spread=0.001)])
+    # Birge: chi^2 of two values 10 spreads apart is 50.
+    assert apart.position_std[0] == pytest.approx(0.001 * np.sqrt(50 / 2 / 2))
+    assert apart.position_std[1] == pytest.approx(0.001 / np.sqrt(2))
+
+
+def test_a_side_that_one_camera_sees_better_has_that_cameras_size():
+    sure = replace(estimate(0.5), extents_std=np.array([0.001, 0.001, 0.001]))
+    half_hidden = replace(estimate(0.5, extents=(0.03, 0.05, 0.05)), extents_std=np.array([0.03, 0.001, 0.001]))
+    both = merge([sure, half_hidden])
+    assert both.extents == pytest.approx((0.05, 0.05, 0.05), abs=1e-4)
+    assert both.extents_std == pytest.approx((0.001, 0.001 / np.sqrt(2), 0.001 / np.sqrt(2)), rel=0.01)
+
+
 def test_a_quarter_turn_apart_is_the_same_box_with_swapped_sides():
     turned = turned_like(estimate(0.5, yaw=0.2 + np.pi / 2, extents=(0.04, 0.08, 0.05)), 0.2)
     assert turned.yaw == pytest.approx(0.2)
