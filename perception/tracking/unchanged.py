@@ -21,9 +21,10 @@ def unchanged(before: SceneEstimate, now: SceneEstimate, anew: Collection[str] =
     Args:
         before: The first look.
         now: The further one.
-        anew: Names whose estimates are those of the further look, where it saw them.
+        anew: Names that the further look was taken for: of their two estimates, the one without doubts, else the one
+            whose place is better known.
     """
-    kept = [now.get(o.name) or o if o.name in anew else o for o in before.objects]
+    kept = [_better(o, now.get(o.name)) if o.name in anew else o for o in before.objects]
     names = {o.name for o in kept}
     for thing in now.objects:
         if _unnamed(thing):
@@ -34,6 +35,13 @@ def unchanged(before: SceneEstimate, now: SceneEstimate, anew: Collection[str] =
         names.add(kept[-1].name)
     unseen = tuple(u for u in now.unseen if u.name not in names)
     return replace(now, objects=tuple(kept), unseen=unseen, support_height=before.support_height)
+
+
+def _better(before: ObjectEstimate, now: ObjectEstimate | None) -> ObjectEstimate:
+    def ill_known(o: ObjectEstimate) -> tuple[bool, float]:
+        return bool(o.doubts), float(np.max(o.position_std[:2]))
+
+    return before if now is None else min(now, before, key=ill_known)
 
 
 def _unnamed(thing: ObjectEstimate) -> bool:

@@ -1,7 +1,5 @@
 """Hands of a run: from a reward spec to a motion that was judged in the twin and then played by the robot."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from control.robot.dynamics import RobotModel
@@ -11,7 +9,7 @@ from control.tasks.reward_spec import RewardSpec
 from perception.estimates import SceneEstimate
 from planning.baselines.rehearsal import Rehearsal
 from planning.loop.interfaces import AttemptResult
-from replan.run.first_looks import MOST_LOOKS, FirstLooks
+from replan.run.first_looks import MOST_LOOKS, FirstLooks, LookAgain
 from replan.run.motion_finder import MotionFinder
 from replan.run.motion_player import MotionPlayer, failed
 from replan.run.session import RunSession
@@ -35,7 +33,7 @@ class TwinCheckedExecutor:
         seed: int,
         filming: bool,
         go_on_after_stall: bool = False,
-        look_again: Callable[[], SceneEstimate] | None = None,
+        look_again: LookAgain | None = None,
     ) -> None:
         self._session = session
         self._robot = RobotModel.panda(gripper=session.cell.robot.gripper_model)
@@ -81,6 +79,7 @@ class TwinCheckedExecutor:
             PerceptionError: It looked first, and nothing could be seen.
         """
         with self._session.watch.part("search"):
+            scene = self._looks.at_things(spec, scene)
             found = self._finder.find(spec, scene, self._player.start())
             for _ in range(MOST_LOOKS):
                 latest = self._looks.along(found)

@@ -24,10 +24,14 @@ def test_what_was_seen_before_stays_where_it_was_seen_even_if_the_further_look_e
     np.testing.assert_allclose(red.position, [0.4, 0.0, 0.025])
 
 
-def test_names_that_are_looked_at_anew_are_taken_from_the_further_look_where_it_saw_them():
-    now = scene(estimate("red_cube", (0.41, 0.0, 0.025), CUBE))
+def test_names_that_are_looked_at_anew_are_taken_from_the_further_look_where_it_knows_them_better():
+    now = scene(estimate("red_cube", (0.41, 0.0, 0.025), CUBE, std=0.001))
     both = unchanged(BEFORE, now, {"red_cube", "unnamed_1"})
     assert [round(float(o.position[0]), 2) for o in both.objects] == [0.41, 0.6]
+    vague = scene(estimate("red_cube", (0.41, 0.0, 0.025), CUBE, std=0.01))
+    assert unchanged(BEFORE, vague, {"red_cube"}).objects == BEFORE.objects
+    doubted = replace(BEFORE, objects=(replace(BEFORE.objects[0], doubts=("it floats",)), BEFORE.objects[1]))
+    assert unchanged(doubted, vague, {"red_cube"}).objects[0] is vague.objects[0]
 
 
 def test_new_names_and_unnamed_things_where_none_stood_are_added():
