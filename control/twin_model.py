@@ -123,6 +123,7 @@ class TwinObject:
         yaw_std: Spread of its yaw in [rad]; infinite where it has none.
         handle: What to take hold of when the whole is too wide for the gripper (a kettle), or None.
         doubts: What speaks against it as perceived, a clause each; a doubted thing is not taken hold of.
+        named: Whether somebody named it; otherwise it is a box around depth that nothing explains.
     """
 
     name: str
@@ -136,6 +137,7 @@ class TwinObject:
     yaw_std: float
     handle: Handle | None = None
     doubts: tuple[str, ...] = ()
+    named: bool = True
 
 
 @dataclass(frozen=True)

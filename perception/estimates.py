@@ -56,6 +56,7 @@ class ObjectEstimate:
             undecided.
         doubts: What speaks against it, a clause each: it floats, fills another thing's place, or too little of it is
             seen. Such a thing stands in the way like any other and is not taken hold of.
+        named: Whether somebody named it; otherwise it is depth that nothing explains, in a box on the safe side.
     """
 
     name: str
@@ -73,6 +74,7 @@ class ObjectEstimate:
     extents_std: NDArray[np.float64] | None = None
     colour: str | None = None
     doubts: tuple[str, ...] = ()
+    named: bool = True
 
     @property
     def position(self) -> np.ndarray:

@@ -19,6 +19,7 @@ PALETTE = (
 )
 # No colour of the depth picture's scale (Cividis: blue to yellow) comes near these.
 MISSING, MISSING_STRIPE = (214, 30, 140), (120, 10, 80)
+UNNAMED = (200, 0, 0)  # of what nobody named; no colour of the palette comes near it
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -26,13 +27,14 @@ def overlay(frame: RgbdFrame, scene: SceneEstimate) -> np.ndarray:
     """Draw a scene estimate over the picture of one camera.
 
     Boxes and masks are drawn where this camera is among an object's evidence; solids of the others are projected
-    all the same. A corner says which detector and segmenter looked, and what was looked for in vain.
+    all the same. What nobody named is red and without a score. A corner says which detector and segmenter looked, and
+    what was looked for in vain.
 
     Returns:
         RGB, uint8, shape (height, width, 3).
     """
     picture = frame.colour.copy()
-    paints = {o.name: PALETTE[i % len(PALETTE)] for i, o in enumerate(scene.objects)}
+    paints = {o.name: PALETTE[i % len(PALETTE)] if o.named else UNNAMED for i, o in enumerate(scene.objects)}
     for o in scene.objects:
         for item in o.evidence:
             if item.camera == frame.camera and item.mask.shape == picture.shape[:2]:
@@ -138,7 +140,8 @@ def _draw_label(
     """
     height, width = picture.shape[:2]
     size = 100 * np.asarray(o.extents)
-    text = f"{o.phrase}{' ?' if o.doubts else ''} {o.score:.2f}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
+    score = f" {o.score:.2f}" if o.named else ""
+    text = f"{o.phrase}{' ?' if o.doubts else ''}{score}  {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} cm"
     scale = 0.42 * max(1.0, height / 720)
     (w, h), _ = cv2.getTextSize(text, FONT, scale, 1)
     wide, high = w + 8, h + 10

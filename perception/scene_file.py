@@ -84,6 +84,7 @@ class ObjectRecord(_Strict):
         extents_std: Spread of the extents in [m], or null where nobody says.
         colour: Its colour in a word, or null where it is undecided or nobody says; older files do not have it.
         doubts: What speaks against it; older files do not have it.
+        named: Whether somebody named it; older files hold named things only.
         box_px: (x0, y0, x1, y1) in the picture in [px], or null.
         depth_share: Share of its pixels with depth, or null.
         track: The thing that it is, where frames were followed.
@@ -101,6 +102,7 @@ class ObjectRecord(_Strict):
     extents_std: tuple[float, float, float] | None = None
     colour: str | None = None
     doubts: tuple[str, ...] = ()
+    named: bool = True
     box_px: tuple[float, float, float, float] | None = None
     depth_share: float | None = None
     track: TrackRecord | None = None
@@ -169,6 +171,7 @@ class LookRecord(_Strict):
                 extents_std=None if o.extents_std is None else np.asarray(o.extents_std),
                 colour=o.colour,
                 doubts=o.doubts,
+                named=o.named,
             )
             for o in self.objects
         )
@@ -280,6 +283,7 @@ def _record(o: ObjectEstimate, track: Track | None) -> ObjectRecord:
             "extents_std": None if o.extents_std is None else np.asarray(o.extents_std).tolist(),
             "colour": o.colour,
             "doubts": list(o.doubts),
+            "named": o.named,
             "box_px": np.asarray(seen.box_px).tolist() if seen else None,
             "depth_share": round(seen.depth_share, 3) if seen else None,
             "track": TrackRecord.of(track) if track else None,

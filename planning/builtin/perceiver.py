@@ -26,6 +26,8 @@ def answer_question(fields: Mapping[str, Any]) -> str:
     state = _STATE.fullmatch(question.strip())
     if state:
         return _is_so(state, facts)
+    if re.search(r"\bin the way\b|\bunnamed\b", question, re.IGNORECASE):
+        return _unnamed_things(facts)
     named = mentioned(question, seen)
     match = _SEEKS.search(question)
     if match or not named:
@@ -39,6 +41,12 @@ def answer_question(fields: Mapping[str, Any]) -> str:
         return f"{name} is in view: {seen[name]}."
     carried = [f"{a} is {how} {b}" for a, how, b in facts.relations if b == name and how != "next to"]
     return (" and ".join(carried) or f"Nothing is seen on or in {name}") + "."
+
+
+def _unnamed_things(facts: SceneFacts) -> str:
+    """What may be in the way without anybody having named it."""
+    things = [f"{name} is in view: {facts.seen[name]}" for name in sorted(facts.unnamed)]
+    return (". ".join(things) or "Nothing is seen that nobody named") + "."
 
 
 def _is_so(asked: re.Match[str], facts: SceneFacts) -> str:

@@ -150,6 +150,7 @@ class _Rules:
                     if self._now.failures(step):
                         raise  # it was looked for, and all that could hide it is open
         elif clause.kind in ("place", "away", "lift", "reach"):
+            self._refuse_unmovable(clause)
             for name in clause.phrases:
                 if not self._now.in_view(name):
                     before += [*self._uncover(name, None, above), Clause("find", name).as_text()]
@@ -161,6 +162,17 @@ class _Rules:
             if removal.as_text() not in above:
                 before += self._steps(removal, above)
         return [*dict.fromkeys(before), step]
+
+    def _refuse_unmovable(self, clause: Clause) -> None:
+        """Raise NothingLeft where something that nobody named is in the way and was tried to be moved in vain."""
+        name = clause.subject
+        failed = [a for a in self._now.failures(clause.as_text()) if not a.reason.startswith(MOTION_FAILED)]
+        if name in self._facts.unnamed and failed and not self._removals(clause):
+            x, y, _ = self._facts.centres[name]
+            raise NothingLeft(
+                f"something unnamed stands at x {x:.2f}, y {y:.2f} m ({name}: {self._facts.seen[name]}) and is in the "
+                "way; it could not be moved: take it away, or name it"
+            )
 
     def _role(self, joint: str) -> str | None:
         fact = self._facts.joints.get(joint)
@@ -292,7 +304,8 @@ class _Rules:
         """
         furniture, facts = self._facts.furniture, self._facts
         loose = sorted(
-            (n for n in self._now.objects if n not in furniture), key=lambda n: facts.distance(n, plate.owner)
+            (n for n in self._now.objects if n not in furniture and n not in facts.unnamed),
+            key=lambda n: facts.distance(n, plate.owner),
         )
         for thing in (*loose, *(n for n in facts.unseen if n not in furniture)):
             clause = Clause("place", thing, plate.owner, "on")

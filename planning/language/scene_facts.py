@@ -16,6 +16,7 @@ _RELATION = re.compile(r"(?P<a>\w+) is (?P<how>on|in front of|in|next to) (?P<b>
 _JOINT = re.compile(r"(?P<name>\w+) is a (?P<role>door|lever|plate) of (?P<owner>\w+) and is (?P<state>[\w% ]+)")
 _HIDDEN = re.compile(r"the inside of (?P<name>\w+) is hidden")
 _UNSEEN = re.compile(r"(?P<name>\w+) is not in view: .+")
+_NOBODY = "; nobody named it"
 AT_ENDS = {"open", "pulled"}
 WIDE = 0.6  # share of a door's way; of the 1.9 rad of a cabinet's door, square to its front
 
@@ -68,6 +69,7 @@ class SceneFacts:
         relations: (a, how, b).
         joints: By name.
         hidden: Furniture whose inside is hidden.
+        unnamed: Names of what nobody named.
         unseen: Names that were looked for in vain.
     """
 
@@ -78,6 +80,7 @@ class SceneFacts:
     joints: dict[str, JointFact] = field(default_factory=dict)
     hidden: frozenset[str] = frozenset()
     unseen: tuple[str, ...] = ()
+    unnamed: frozenset[str] = frozenset()
 
     @property
     def furniture(self) -> frozenset[str]:
@@ -125,4 +128,5 @@ def read_facts(facts: Sequence[str]) -> SceneFacts:
         joints,
         frozenset(m["name"] for m in map(_HIDDEN.fullmatch, facts) if m),
         tuple(m["name"] for m in map(_UNSEEN.fullmatch, facts) if m),
+        frozenset(name for name, what in seen.items() if what.endswith(_NOBODY)),
     )

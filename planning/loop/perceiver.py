@@ -8,6 +8,7 @@ beside the pictures, the rule-based reasoner has nothing else.
     kettle is in front of microwave
     microwave_door is a door of microwave and is closed
     the inside of microwave is hidden
+    unnamed_1: box of 52 x 51 x 353 mm, centre at x 0.500, y 0.020, z 0.177 m; nobody named it
     apple is not in view: no box above the threshold
 """
 
@@ -59,7 +60,8 @@ def _solid(o: ObjectEstimate) -> str:
     size = " x ".join(f"{1000 * e:.0f}" for e in o.extents)
     x, y, z = o.position
     colour = f"{o.colour} " if getattr(o, "colour", None) else ""
-    return f"{colour}{o.shape} of {size} mm, centre at x {x:.3f}, y {y:.3f}, z {z:.3f} m"
+    nobody = "" if o.named else "; nobody named it"
+    return f"{colour}{o.shape} of {size} mm, centre at x {x:.3f}, y {y:.3f}, z {z:.3f} m{nobody}"
 
 
 def _fraction(joint: KnownJoint, scene: SceneEstimate) -> float:

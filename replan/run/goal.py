@@ -90,8 +90,9 @@ def _run(
     from sim_check.furniture.known_models import known_models
     from sim_check.models.known_forms import known_forms
 
+    furniture = known_models(cell.furniture)
     perception = perception_from_options(
-        options.detector, options.segmenter, options.perception, known_models(cell.furniture), known_forms()
+        options.detector, options.segmenter, options.perception, furniture, known_forms()
     )
     with ExitStack() as stack:
         episode, film = begin_record(options, options.goal, say, stack)
@@ -116,7 +117,7 @@ def _run(
             if options.poses == "true":
                 perception = TruePoses(client, tuple(cell.furniture))
             session = RunSession(client, cell, limits, episode, film, say, Stopwatch())
-            observer = CameraSceneObserver(session, perception)
+            observer = CameraSceneObserver(session, perception, None if options.poses == "true" else furniture)
             executor = TwinCheckedExecutor(
                 session, options.seed, options.video, options.go_on_after_stall, observer.look_again
             )

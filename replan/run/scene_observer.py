@@ -1,18 +1,23 @@
 """Eyes of a run: frames from the cell's cameras, perceived, with pictures of what was seen."""
 
-from collections.abc import Collection, Sequence
+import time
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from perception.estimates import SceneEstimate
+from perception.estimates import ObjectEstimate, SceneEstimate
+from perception.geometry.prepared_frame import PreparedFrame, prepared
+from perception.known_shapes.models import KnownModel
 from perception.pictures import overlay
 from perception.recordings.opening import save_npz
 from perception.scene_file import LookRecord, PerceptionResult
 from perception.tracking.unchanged import unchanged
+from perception.unexplained.unnamed_things import Known, UnnamedThings
 from replan.run.looked_into import LookedInto
 from replan.run.session import RunSession
+from sim_check.models.robot_region import RobotRegions
 
 if TYPE_CHECKING:
     from perception.pipeline import Perception
@@ -26,15 +31,25 @@ class CameraSceneObserver:
         session: The run; its record gets one overlay picture per camera and look, and the raw frames, its film the
             first camera's overlay.
         perception: Detector, segmenter and geometry.
+        furniture: Of known shape, by name, for telling what nobody named; None does not ask for that (true poses stand
+            in for perception).
 
     Attributes:
         pictures: Colour pictures of the last look, uint8, shape (height, width, 3).
     """
 
-    def __init__(self, session: RunSession, perception: "Perception | TruePoses") -> None:
+    def __init__(
+        self,
+        session: RunSession,
+        perception: "Perception | TruePoses",
+        furniture: Mapping[str, KnownModel] | None,
+    ) -> None:
         self._session = session
         self._perception = perception
+        self._furniture = furniture
         self._before: SceneEstimate | None = None
+        self._unnamed = UnnamedThings()
+        self._robot = RobotRegions(session.cell.robot, session.cell.cameras)
         self._looked = LookedInto(session.cell)
         self._names: tuple[str, ...] = ()
         self.pictures: tuple[np.ndarray, ...] = ()
@@ -65,7 +80,7 @@ class CameraSceneObserver:
         import cv2
 
         self._names = tuple(names)
-        frames = self._session.client.frames()
+        frames = prepared(self._session.client.frames())
         self.pictures = tuple(frame.colour for frame in frames)
         # Before perception, so that a frame on which it fails can be looked into.
         save_npz(self._session.episode.numbered("look", "npz"), frames)
@@ -74,6 +89,8 @@ class CameraSceneObserver:
         if still is not None:
             scene = unchanged(still, scene, anew or ())
         state = self._session.client.state()
+        if self._furniture is not None:
+            scene = self._with_unnamed(scene, frames, np.array(state.q), state.gripper_width, self._furniture)
         seen = self._looked.after(frames, scene, np.array(state.q), state.gripper_width, still is not None)
         scene = replace(scene, seen=seen)
         self._before = scene
@@ -103,6 +120,8 @@ class CameraSceneObserver:
                     "joint_fractions": o.joint_fractions,
                     "score": o.score,
                     "doubts": o.doubts,
+                    "named": o.named,
+                    "extents_std": o.extents_std,
                 }
                 for o in scene.objects
             ],
@@ -113,5 +132,35 @@ class CameraSceneObserver:
         for o in scene.objects:
             if o.doubts:
                 self._session.say(f"doubts {o.name}: {'; '.join(o.doubts)}")
-        self._session.say(f"sees {', '.join(scene.names) or 'nothing'}" + (f" (not {unseen})" if unseen else ""))
+        names = ", ".join(o.name for o in scene.objects if o.named) or "nothing"
+        self._session.say(f"sees {names}{and_unnamed(scene)}" + (f" (not {unseen})" if unseen else ""))
         return scene
+
+    def _with_unnamed(
+        self,
+        scene: SceneEstimate,
+        frames: Sequence[PreparedFrame],
+        q: np.ndarray,
+        width: float,
+        furniture: Mapping[str, KnownModel],
+    ) -> SceneEstimate:
+        """The scene with what nobody named; the arm rests during a look, so it is where it is measured now."""
+        workspace = self._session.cell.workspace
+        known = Known(np.array(workspace.low), np.array(workspace.high), self._robot.at(q, width), furniture)
+        started = time.perf_counter()
+        found = self._unnamed.added(scene, frames, known)
+        return replace(found, seconds={**scene.seconds, "unnamed": time.perf_counter() - started})
+
+
+def and_unnamed(scene: SceneEstimate) -> str:
+    """What nobody named, for a sentence about what is seen; empty where there is nothing."""
+    things = [o for o in scene.objects if not o.named]
+    if not things:
+        return ""
+    count = "1 thing" if len(things) == 1 else f"{len(things)} things"
+    return f", and {count} that nobody named: {', '.join(map(_place_of, things))}"
+
+
+def _place_of(o: ObjectEstimate) -> str:
+    sizes = " x ".join(f"{100 * e:.0f}" for e in o.extents)
+    return f"{o.name} of {sizes} cm at x {o.position[0]:.2f}, y {o.position[1]:.2f} m"

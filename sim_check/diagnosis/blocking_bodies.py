@@ -1,8 +1,8 @@
 """Why no motion was found: which bodies are in the way, by planning in twins without them.
 
-Movable things that the subtask does not name lose their contacts (`sim_check.twin.collision_masks`) and stay where
-they are. If motions exist without all of them, but not with all of them, some are in the way: a single one without
-which a motion exists, else a smallest set.
+Movable things that the subtask does not name, and whatever nobody named, lose their contacts
+(`sim_check.twin.collision_masks`) and stay where they are. If motions exist without all of them, but not with all of
+them, some are in the way: a single one without which a motion exists, else a smallest set.
 
 Where a motion was played in vain though the twin has nothing against it, the twin may be wrong by what perception is
 unsure of: a cube seen a finger's breadth nearer to an edge than it stands. So bodies are suspected that keep every
@@ -203,7 +203,8 @@ class _Thought:
         """Bodies without which there is a motion, none when there never is; and all that suffice alone."""
         near = failure.evidence.get("too_close_to", {})
         twin, spec = self.twin, self.spec
-        suspects = [o.name for o in twin.objects if o.movable and o.name not in spec.names and o.name != twin.held]
+        loose = [o.name for o in twin.objects if o.movable or not o.named]
+        suspects = [name for name in loose if name not in spec.names and name != twin.held]
         suspects.sort(key=lambda name: -near.get(name, 0))
         if not suspects or not self.possible(suspects):
             return (), []

@@ -28,7 +28,9 @@ LEAST_ON_SHELF = 0.012  # height in [m] of what lies on a shelf or on top of fur
 _AIR = 2e-4  # left under things for the contact to close, in [m]
 
 
-def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = ()) -> list[Standing]:
+def set_down(
+    things: list[Standing], table: float, furniture: Sequence[Fixed] = (), others: Sequence[Standing] = ()
+) -> list[Standing]:
     """Put every thing on the highest support under its centre.
 
     Supports are the table, another thing, a container's floor, the shelf inside furniture or its top, and the
@@ -38,6 +40,7 @@ def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = 
         things: As perceived.
         table: Height of the table top in [m].
         furniture: Where furniture stands.
+        others: What stays where it is and may carry them.
 
     Returns:
         The same things, in the order of their tops.
@@ -48,7 +51,7 @@ def set_down(things: list[Standing], table: float, furniture: Sequence[Fixed] = 
     placed: list[Standing] = []
     ledges = [ledge for f in furniture for ledge in furniture_ledges(f)]
     for s in sorted((replace(s, pose=upright(s.pose)) for s in things), key=lambda s: (_container_first(s), s.top)):
-        under = max([table] + [_support_height(s, other) for other in placed])
+        under = max([table] + [_support_height(s, other) for other in (*others, *placed)])
         shelf, hung = carried_at(s, ledges)
         rested = None
         if hung > max(under, shelf) or (ledges and s.bottom - max(under, shelf) > FLOATING):

@@ -6,6 +6,7 @@ deterministic.
 """
 
 import copy
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -40,12 +41,13 @@ from sim_check.models.scene_mjcf import (
     quat_of,
     set_rendering,
 )
-from sim_check.objects.library import ObjectModel, object_model
+from sim_check.objects.library import ObjectModel
 from sim_check.twin.collision_masks import without_contacts
 from sim_check.twin.placed import Fixed, Standing
 from sim_check.twin.seen_volume import seen_volume
 from sim_check.twin.settling import free_bodies, move_apart, settle, touching
 from sim_check.twin.supports import carrier, set_down, stand
+from sim_check.twin.unnamed import FIXED_STD, can_be_held, model_of, overlaps, without_contacts_of
 
 TWIN_STEP = 0.004  # [s]; coarser steps lose what the hand holds
 # Furthest that moving apart and settling may carry a thing from where it was perceived and set down, in [m]; where
@@ -85,6 +87,27 @@ def build_twin(
         ConfigError: A name or size that the object library cannot build.
         StackError: `held` was not perceived or is not between the pads, or things overlap and cannot be moved apart.
     """
+    opening = cell.robot.gripper_model.opening
+    loose = frozenset(e.name for e in scene.objects if not e.named and can_be_held(e, opening))
+    try:
+        return _built(cell, scene, q, gripper_width, held, around_arm, loose)
+    except StackError:
+        if not loose:
+            raise
+        # Boxes around depth are guesses: where they cannot rest beside what was named, they stand fixed.
+        return _built(cell, scene, q, gripper_width, held, around_arm, frozenset())
+
+
+def _built(
+    cell: CellConfig,
+    scene: SceneEstimate,
+    q: np.ndarray,
+    gripper_width: float,
+    held: str | None,
+    around_arm: bool,
+    loose: frozenset[str],
+) -> TwinModel:
+    """As `build_twin`; of the unnamed things those named in `loose` are free bodies, where they overlap nothing."""
     q = np.asarray(q, float)
     if q.shape != (7,):
         raise ConfigError(f"arm joints of a twin have shape (7,), not {q.shape}")
@@ -100,10 +123,12 @@ def build_twin(
         for e in scene.objects
         if e.name in cell.furniture
     ]
-    loose = [e for e in scene.objects if e.name not in cell.furniture]
-    standing = [Standing(object_model(e.name, e.extents, e.shape), np.array(e.world_T_object)) for e in loose]
-    placed = set_down([s for s in standing if s.thing.name != held], scene.support_height, fixed)
-    placed += [s for s in standing if s.thing.name == held]
+    things = [e for e in scene.objects if e.name not in cell.furniture]
+    standing = [Standing(model_of(e, e.name in loose or e.name == held), np.array(e.world_T_object)) for e in things]
+    obstacles = [s for s in standing if not s.thing.movable and s.thing.name != held]
+    resting = [s for s in standing if s.thing.movable and s.thing.name != held]
+    placed = set_down(resting, scene.support_height, fixed, obstacles)
+    placed += obstacles + [s for s in standing if s.thing.name == held]
     models: dict[str, ObjectModel | FurnitureModel] = {s.thing.name: s.thing for s in (*placed, *fixed)}
     order = {name: i for i, name in enumerate(scene.names)}
     placed.sort(key=lambda s: order[s.thing.name])
@@ -120,6 +145,12 @@ def build_twin(
     for s in placed:
         add_object(spec, s.thing, s.pose, pictures=False)
     model = spec.compile()
+    inside = [pair for pair in overlaps(model) if not _all_named(scene, pair)]
+    pressing = loose & {name for pair in inside for name in pair}
+    if pressing:
+        return _built(cell, scene, q, gripper_width, held, around_arm, loose - pressing)
+    if inside:
+        model = without_contacts_of(spec, inside)
 
     twin = TwinModel(
         model=model,
@@ -243,6 +274,10 @@ def _settled_if_possible(twin: TwinModel, drawn: mujoco.MjModel, offsets: dict[s
         return None
 
 
+def _all_named(scene: SceneEstimate, names: Sequence[str]) -> bool:
+    return all(o.named for o in scene.objects if o.name in names)
+
+
 def _stood(thing: FurnitureModel, estimate: ObjectEstimate, table: float) -> Fixed:
     """Furniture upright on the table where it was perceived.
 
@@ -277,10 +312,11 @@ def _described(estimate: ObjectEstimate, thing: ObjectModel | FurnitureModel) ->
         container=thing.container,
         inner_floor=thing.inner_floor,
         inner_radius=thing.inner_radius,
-        position_std=np.array(estimate.position_std, float),
+        position_std=np.minimum(estimate.position_std, np.inf if thing.movable else FIXED_STD),
         yaw_std=float(estimate.yaw_std),
         handle=thing.handle,
         doubts=estimate.doubts,
+        named=estimate.named,
     )
 
 

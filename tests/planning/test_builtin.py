@@ -272,3 +272,26 @@ def test_the_door_of_what_a_thing_lies_in_stays_open():
     attempts = (failed("pick up red_cube", reason),)
     plan = replan("pick up the red cube", attempts, facts=facts, objects=("oven", "cabinet", "red_cube"))
     assert plan.steps == ("pick up red_cube",)
+
+
+UNNAMED = "unnamed_1: box of 150 x 120 x 350 mm, centre at x 0.450, y 0.100, z 0.175 m; nobody named it"
+
+
+def test_what_nobody_named_is_moved_out_of_the_way_and_where_that_fails_the_plan_ends_saying_where_it_stands():
+    facts, objects = (*FACTS, UNNAMED), (*OBJECTS, "unnamed_1")
+    goal = "place the red cube on the crate"
+    blocked = failed("place red_cube on crate", "unnamed_1 is in the way of red_cube.")
+    plan = replan(goal, (blocked,), facts=facts, objects=objects)
+    assert plan.steps == ("move unnamed_1 away from red_cube", "place red_cube on crate")
+    in_vain = failed(plan.steps[0], "No motion was found for unnamed_1.")
+    plan = replan(goal, (blocked, in_vain), facts=facts, objects=objects)
+    assert plan.steps == ()
+    assert plan.thought.startswith("something unnamed stands at x 0.45, y 0.10 m (unnamed_1: box of 150 x 120 x 350 mm")
+    assert plan.thought.endswith("it could not be moved: take it away, or name it")
+
+
+def test_one_can_ask_what_is_in_the_way():
+    question = {"question": "What is in the way?", "objects": (*OBJECTS, "unnamed_1")}
+    answer = ask("answer_question", **question, facts=(*FACTS, UNNAMED))
+    assert answer == f"unnamed_1 is in view: {UNNAMED.removeprefix('unnamed_1: ')}."
+    assert ask("answer_question", **question, facts=FACTS) == "Nothing is seen that nobody named."
