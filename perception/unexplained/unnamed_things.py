@@ -12,12 +12,12 @@ from perception.estimates import Evidence, ObjectEstimate, SceneEstimate
 from perception.geometry.prepared_frame import PreparedFrame
 from perception.geometry.solids import Solid
 from perception.known_shapes.models import KnownModel
-from perception.tracking.unchanged import UNNAMED
 from perception.unexplained.clusters import Unexplained, clusters, unexplained_points
 from perception.unexplained.explanations import Explanation, explained_by
 from perception.unexplained.hulls import Hull, hulls_of
 from perception.unexplained.regions import Region
 
+UNNAMED = "unnamed"  # names are unnamed_1, unnamed_2, ...
 THIN = 0.005  # [m]: side of the cells that points are thinned to before a hull is fitted
 # A cluster that touches a named thing and reaches less far beyond it than this, in [m], is that thing's own remainder:
 # a handle, a stem, what blurred depth leaves.
