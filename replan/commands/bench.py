@@ -77,6 +77,13 @@ class BenchPoses(_BenchScript):
 
 
 @dataclass(frozen=True)
+class BenchUnnamed(_BenchScript):
+    """Things that nobody named in looks at the built-in cells: false ones, missed ones, seconds."""
+
+    MODULE: ClassVar[str] = "benchmarks.looking.unnamed_things"
+
+
+@dataclass(frozen=True)
 class BenchPerception:
     """Boxes, masks, poses and times of perception on held-out pictures of random cells, by detector."""
 
@@ -311,6 +318,7 @@ class Bench:
             | Annotated[BenchPerception, tyro.conf.subcommand("perception")]
             | Annotated[BenchPlanner, tyro.conf.subcommand("planner")]
             | Annotated[BenchPoses, tyro.conf.subcommand("poses")]
+            | Annotated[BenchUnnamed, tyro.conf.subcommand("unnamed")]
             | Annotated[BenchRetime, tyro.conf.subcommand("retime")]
             | Annotated[BenchDiagnosis, tyro.conf.subcommand("diagnosis")]
             | Annotated[BenchVerdicts, tyro.conf.subcommand("verdicts")]

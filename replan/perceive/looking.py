@@ -4,10 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees
 
+import numpy as np
+
 from perception.detection.given import BoxesByFrame, MasksByFrame
 from perception.estimates import SceneEstimate, Unseen
 from perception.evaluation.recording_detector import RecordingDetector
+from perception.geometry.prepared_frame import prepared
 from perception.pipeline import Perception, perception_from_options
+from perception.unexplained.unnamed_things import Known, UnnamedThings
 from replan.perceive.frame_stream import KeyedFrame
 from replan.perceive.options import PerceiveOptions
 from sim_check.cells.loading import load_cell
@@ -40,7 +44,10 @@ class FramePerception:
         elif options.masks is not None:
             self.given = MasksByFrame(options.masks, keys)
         self.names = options.names or (self.given.names if self.given else ())
-        known = {} if options.cell is None else known_models(load_cell(options.cell).furniture)
+        cell = load_cell() if options.cell is None else load_cell(options.cell)
+        known = {} if options.cell is None else known_models(cell.furniture)
+        self._unnamed = UnnamedThings() if options.unnamed else None
+        self._known = Known(np.array(cell.workspace.low), np.array(cell.workspace.high), None, known)
         embedded = perception_from_options(
             options.detector, options.segmenter, options.perception, known, known_forms()
         )
@@ -56,7 +63,9 @@ class FramePerception:
             ModelUnavailableError, UnknownPhraseError: As `perception.pipeline.Perception.perceive` raises them.
         """
         perception, detector = self._for_frame(item.key)
-        return self._with_given_reasons(perception.perceive([item.frame], self.names)), detector
+        frames = prepared([item.frame])
+        scene = self._with_given_reasons(perception.perceive(frames, self.names))
+        return (scene if self._unnamed is None else self._unnamed.added(scene, frames, self._known)), detector
 
     def _for_frame(self, key: str | None) -> tuple[Perception, RecordingDetector]:
         """Perception for the frame of this key, and its detector."""

@@ -57,6 +57,9 @@ class PerceiveOptions(PerceptionModels):
     """How many things one name may be; further ones are called red_cube_2, red_cube_3, ..."""
     cell: str | None = None
     """Built-in cell or a cell file whose furniture is looked for by its known shape, doors and all."""
+    unnamed: bool = False
+    """Add what nobody named: depth in the cell's workspace that neither the support nor named things explain. A
+    recording does not say where a robot is, so its arm is among these things."""
     boxes: Path | None = None
     """Boxes drawn by hand instead of a detector: YAML or JSON, {boxes: {red_cube: [x0, y0, x1, y1]}} in pixels for
     every frame, {frames: {"000002": {red_cube: [...]}}} for one."""

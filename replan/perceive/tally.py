@@ -35,7 +35,7 @@ class Tally:
     Attributes:
         names: What was looked for.
         frames: How many were looked at.
-        found: In how many of them each name was found.
+        found: In how many of them each name was found; unnamed things as they are called.
         spots: Where each thing was, by its name as followed.
         seconds: Time of each stage and of the whole in each frame in [s].
         times: Stamp of each frame in [s].
@@ -65,7 +65,7 @@ class Tally:
         self.frames += 1
         self.times.append(scene.stamp)
         for name in dict.fromkeys(o.phrase.replace(" ", "_") for o in scene.objects):
-            self.found[name] += 1
+            self.found[name] = self.found.get(name, 0) + 1
         for u in scene.unseen:
             reason = u.reason.partition(" (")[0]
             self.reasons[u.name][reason] = self.reasons[u.name].get(reason, 0) + 1

@@ -281,3 +281,12 @@ def test_progress_says_which_of_how_many_and_what_is_left():
     with Progress("frame", None, said.append) as progress:
         progress.step("a")
     assert said == ["frame 1: a"]
+
+
+def test_what_nobody_named_is_added_where_it_is_asked_for(tmp_path, shots):
+    run(tmp_path, shots[:1], names=("red_cube",), unnamed=True)
+    (look,) = read(tmp_path).frames
+    named = {o.name: o.named for o in look.objects}
+    assert named == {"red_cube": True, "unnamed_1": False}
+    run(tmp_path, shots[:1], names=("red_cube",))
+    assert [o.name for o in read(tmp_path).frames[0].objects] == ["red_cube"]
