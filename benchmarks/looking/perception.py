@@ -12,10 +12,14 @@ All things that clearly show are asked for, and three that are not there. Rows:
 
     python -m benchmarks.looking.perception --frames 300
     python -m benchmarks.looking.perception --detectors default "given masks" --frames 60 --json
+    python -m benchmarks.looking.perception --condition dropout:0.3
     python -m benchmarks.looking.perception --full-size
 
 Furniture is asked for like everything else, but its pose counts in the row "known furniture" only: nobody can tell the
 size of a cabinet, or which way its doors turn, from one side of it.
+
+Spreads are held against errors: how often an error lies within the 68 % and the 95 % interval that the estimate claims,
+over what is offered; what is doubted or not seen counts as refused.
 
 The measures stand in `perception.evaluation.metrics` and `perception.evaluation.scoring`. AP50 takes boxes down to a
 score of 0.05, everything else those from the detector's own threshold on. A phrase that a detector refuses counts as
@@ -34,6 +38,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.looking.conditions import under_condition
 from benchmarks.looking.held_out import CHUNK, HeldOutFrame, held_out_frames
 from perception.catalogue.phrases import parse_phrase
 from perception.detection.bundled import BundledDetector
@@ -41,6 +46,7 @@ from perception.detection.colour_shape import ColourShapeDetector
 from perception.detection.detector_router import DetectorRouter
 from perception.detection.given import GivenBoxes, GivenMasks
 from perception.errors import ModelUnavailableError, UnknownPhraseError
+from perception.evaluation.coverage import coverage_table
 from perception.evaluation.recording_detector import RecordingDetector
 from perception.evaluation.scoring import Scores
 from perception.frames import CameraIntrinsics, RgbdFrame
@@ -61,12 +67,14 @@ class Chunk:
         rows: Names of the kinds.
         seed, number: Which frames.
         frames: How many.
+        condition: What is done to their depth, as `benchmarks.looking.conditions` names it.
     """
 
     rows: tuple[str, ...]
     seed: int
     number: int
     frames: int
+    condition: str = "plain"
 
 
 @dataclass
@@ -214,7 +222,9 @@ def run_chunk(chunk: Chunk) -> dict[str, Measured]:
     for looker in lookers:
         looker.load()
     measured = {looker.row: Measured(looker.name, Scores(looker.threshold)) for looker in lookers}
-    for item in held_out_frames(chunk.seed, chunk.number, chunk.frames):
+    for k, original in enumerate(held_out_frames(chunk.seed, chunk.number, chunk.frames)):
+        rng = np.random.default_rng([chunk.seed, chunk.number, k])
+        item = replace(original, frame=under_condition(original.frame, chunk.condition, rng))
         for looker in lookers:
             looker.look(item, measured[looker.row])
     return measured
@@ -229,7 +239,9 @@ def run_all(chunks: Sequence[Chunk], workers: int) -> Iterator[dict[str, Measure
         yield from pool.map(run_chunk, chunks)
 
 
-def measure(rows: Sequence[str], frames: int, seed: int, workers: int) -> dict[str, dict[str, Any]]:
+def measure(
+    rows: Sequence[str], frames: int, seed: int, workers: int, condition: str = "plain"
+) -> dict[str, dict[str, Any]]:
     """Figures by row, the rows in the order that they are given in.
 
     Args:
@@ -237,6 +249,7 @@ def measure(rows: Sequence[str], frames: int, seed: int, workers: int) -> dict[s
         frames: How many frames each of them looks at.
         seed: Of the frames.
         workers: Processes.
+        condition: What is done to the frames' depth, as `benchmarks.looking.conditions` names it.
     """
     names: dict[str, str] = {}  # row to what it is; rows that are the same are measured once
     missing: dict[str, str] = {}
@@ -248,7 +261,7 @@ def measure(rows: Sequence[str], frames: int, seed: int, workers: int) -> dict[s
         except ModelUnavailableError as error:
             missing[row] = str(error)
     once = tuple({name: row for row, name in reversed(names.items())}.values())[::-1]
-    chunks = [Chunk(once, seed, k, min(CHUNK, frames - k * CHUNK)) for k in range(-(-frames // CHUNK))]
+    chunks = [Chunk(once, seed, k, min(CHUNK, frames - k * CHUNK), condition) for k in range(-(-frames // CHUNK))]
     done: dict[str, Measured] = {}
     started = time.monotonic()
     for count, part in enumerate(run_all(chunks, workers), 1):
@@ -266,7 +279,7 @@ def measure(rows: Sequence[str], frames: int, seed: int, workers: int) -> dict[s
             result[row] = {"name": row, "unavailable": missing[row]}
         else:
             same = next(r for r in once if names[r] == names[row])
-            result[row] = {**done[same].as_json(), "seed": seed}
+            result[row] = {**done[same].as_json(), "seed": seed, "condition": condition}
     return result
 
 
@@ -303,6 +316,9 @@ def table(figures: dict[str, dict[str, Any]]) -> str:
             lines.append(f"{'  at ' + group:16}{'':40}{cells}")
     lines.append("")
     lines += [f"{row}: {values['name']}" for row, values in figures.items() if "unavailable" not in values]
+    for row, values in figures.items():
+        if "spreads" in values:
+            lines += ["", f"{row}, spreads:", coverage_table(values["spreads"])]
     counted = next((v for v in figures.values() if "n_frames" in v), None)
     if counted is not None:
         lines.append(
@@ -318,6 +334,7 @@ def main() -> int:
     parser.add_argument("--detectors", nargs="+", default=list(ROWS), metavar="ROW", help=", ".join(ROWS))
     parser.add_argument("--frames", type=int, default=300, help="held-out frames, all through every row")
     parser.add_argument("--seed", type=int, default=0, help="of the frames")
+    parser.add_argument("--condition", default="plain", help="of the depth: plain, dropout:SHARE or scale:FACTOR")
     parser.add_argument("--jobs", type=int, default=1, help="processes; times count with 1 only")
     parser.add_argument("--full-size", action="store_true", help="instead: cost of full-size models, random weights")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -330,7 +347,7 @@ def main() -> int:
         report = costs()
         print(json.dumps(report) if args.json else costs_table(report))
         return 0
-    figures = measure(args.detectors, args.frames, args.seed, args.jobs)
+    figures = measure(args.detectors, args.frames, args.seed, args.jobs, args.condition)
     print(json.dumps(figures) if args.json else table(figures))
     return 0
 

@@ -14,6 +14,7 @@ import time
 import numpy as np
 
 from perception.estimates import Shape
+from perception.evaluation.coverage import Claimed, claimed, coverage, coverage_table
 from perception.evaluation.metrics import PoseError, compare, summary
 from perception.frames import RgbdFrame
 from perception.ground_truth import TrueObject
@@ -32,7 +33,7 @@ def true_object(world: World, name: str) -> TrueObject:
 
 
 def score_world(world: World, perception: Perception, cameras: list[str], names: tuple[str, ...]):
-    """Errors of one look at one world, names missed, names seen that are not there, and seconds."""
+    """Errors of one look at one world, claims of spreads, names missed, names seen that are not there, and seconds."""
     frames = []
     for camera in cameras:
         colour, depth, pose, intrinsics = world.render(camera)
@@ -41,9 +42,10 @@ def score_world(world: World, perception: Perception, cameras: list[str], names:
     scene = perception.perceive(frames, names)
     seconds = time.perf_counter() - started
     errors = [compare(o, true_object(world, o.name)) for o in scene.objects if o.name in world.objects]
+    claims = [claimed(o, true_object(world, o.name)) for o in scene.objects if o.name in world.objects]
     missed = [name for name in world.object_names if name not in scene.names]
     invented = [name for name in scene.names if name not in world.objects]
-    return errors, missed, invented, seconds
+    return errors, claims, missed, invented, seconds
 
 
 def main() -> None:
@@ -61,14 +63,16 @@ def main() -> None:
     by_name: dict[str, list[PoseError]] = {}
     worst: list[tuple[float, str]] = []
     missed, invented, seconds = [], [], []
+    claimed_all: list[Claimed] = []
     for cell_name, options in SCENES:
         cell = load_cell(cell_name, options)
         for seed in range(args.first_seed, args.first_seed + args.seeds):
             world = build_world(cell, seed)
             # Names that are not there are asked for too: a detector must be able to say no.
             names = tuple(dict.fromkeys((*cell.objects, "banana", "green_block")))
-            errors, lost, made_up, took = score_world(world, perception, args.cameras, names)
+            errors, claims, lost, made_up, took = score_world(world, perception, args.cameras, names)
             world.close()
+            claimed_all += claims
             for e in errors:
                 by_name.setdefault(e.name, []).append(e)
                 worst.append((e.position_mm, f"{cell_name} seed {seed} {e}"))
@@ -83,6 +87,7 @@ def main() -> None:
         "perception": perception.name,
         "cameras": args.cameras,
         "objects": rows,
+        "spreads": coverage(claimed_all),
         "missed": missed,
         "invented": invented,
         "seconds_median": round(float(np.median(seconds)), 3),
@@ -99,6 +104,7 @@ def main() -> None:
         ]
         print(f"{name:14}{row['n']:>4}{cells[0]:>18}{cells[1]:>16}{cells[2]:>16}{cells[3]:>16}")
     print("median / 95 % quantile")
+    print(coverage_table(result["spreads"]))
     for label, items in (("missed", missed), ("invented", invented)):
         print(f"{label}: {'; '.join(items) or 'none'}")
     for _, line in sorted(worst, reverse=True)[: args.worst]:

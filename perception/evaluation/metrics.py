@@ -126,23 +126,40 @@ class PoseError:
 
 def compare(estimate: ObjectEstimate, truth: TrueObject) -> PoseError:
     """Score one estimate against what it is an estimate of."""
-    off = estimate.position - truth.world_T_object[:3, 3]
-    turn, axes = _named_alike(estimate.world_T_object[:3, :3], truth.world_T_object[:3, :3])
-    sides, extents_mm, angular = np.array(estimate.extents, float), float("nan"), estimate.shape == "box"
-    if truth.extents is not None:
-        true_sides = np.asarray(truth.extents, float)[axes]
-        if abs(true_sides[0] - true_sides[1]) < SQUARE * true_sides[:2].max():
-            sides[:2], true_sides[:2] = np.sort(sides[:2]), np.sort(true_sides[:2])
-        extents_mm = 1e3 * float(np.abs(sides - true_sides).max())
-    if truth.shape in ("sphere", "cylinder"):
-        angular = False
+    off, yaw_deg, sides, _ = errors_of(estimate, truth)
     return PoseError(
         estimate.name,
         1e3 * float(np.linalg.norm(off)),
-        abs(turn) if angular else float("nan"),
-        extents_mm,
+        abs(yaw_deg),
+        float("nan") if sides is None else 1e3 * float(np.abs(sides).max()),
         float(np.sqrt(np.mean((off / estimate.position_std) ** 2))),
     )
+
+
+def errors_of(
+    estimate: ObjectEstimate, truth: TrueObject
+) -> tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None]:
+    """Errors of an estimate, its axes named as it names them.
+
+    Returns:
+        Of the centre in the world in [m], shape (3,); of the yaw in [degrees], NaN for round things; of the sizes in
+        [m], shape (3,), None where the true ones are unknown; the spreads claimed for these, in the same order, None
+        where nobody says. Sides of a square footprint are compared by size, as their names mean nothing.
+    """
+    off = estimate.position - truth.world_T_object[:3, 3]
+    turn, axes = _named_alike(estimate.world_T_object[:3, :3], truth.world_T_object[:3, :3])
+    angular = estimate.shape == "box" and truth.shape not in ("sphere", "cylinder")
+    yaw = turn if angular else float("nan")
+    stds = None if estimate.extents_std is None else np.array(estimate.extents_std, float)
+    if truth.extents is None:
+        return off, yaw, None, stds
+    sides, true_sides = np.array(estimate.extents, float), np.asarray(truth.extents, float)[axes]
+    if abs(true_sides[0] - true_sides[1]) < SQUARE * true_sides[:2].max():
+        order = np.argsort(sides[:2])
+        sides[:2], true_sides[:2] = sides[:2][order], np.sort(true_sides[:2])
+        if stds is not None:
+            stds[:2] = stds[:2][order]
+    return off, yaw, sides - true_sides, stds
 
 
 def _named_alike(rotation: np.ndarray, truth: np.ndarray) -> tuple[float, np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from perception.detection.nms import box_iou
 from perception.estimates import ObjectEstimate, SceneEstimate
+from perception.evaluation.coverage import Claimed, claimed, coverage
 from perception.evaluation.metrics import (
     RIGHT_IOU,
     PoseError,
@@ -58,6 +59,7 @@ class Scores:
     threshold: float = 0.0
     _questions: list[ScoredQuestion] = field(default_factory=list, repr=False)
     _seen: list[_Seen] = field(default_factory=list, repr=False)
+    _claimed: list[Claimed] = field(default_factory=list, repr=False)
     _frames: int = 0
     _objects: int = 0
 
@@ -101,8 +103,14 @@ class Scores:
             if name in boxes_only:
                 continue
             estimates = [o for o in scene.objects if o.phrase.replace(" ", "_") == name]
-            for estimate, thing in _pairs(estimates, there):
+            pairs = _pairs(estimates, there)
+            for estimate, thing in pairs:
                 self._seen.append(_score(estimate, thing, camera, group, hinges_deg))
+                if self._seen[-1].right_thing:
+                    self._claimed.append(claimed(estimate, thing))
+            reason = next((u.reason for u in scene.unseen if u.name == name), "not seen")
+            posed = [id(thing) for _, thing in pairs]
+            self._claimed += [claimed(None, thing, reason) for thing in there if id(thing) not in posed]
 
     def _ask(self, name: str, there: list[TrueObject], boxes: Sequence[Detection]) -> None:
         if any(t.box_px is None for t in there):
@@ -120,6 +128,7 @@ class Scores:
         """Take in the frames of another, for instance of another process."""
         self._questions += other._questions
         self._seen += other._seen
+        self._claimed += other._claimed
         self._frames += other._frames
         self._objects += other._objects
 
@@ -158,6 +167,7 @@ class Scores:
             if groups:
                 row["by_group"] = {g: median_p95(v for s in right if s.group == g for v in of(s)) for g in groups}
             figures[label] = row
+        figures["spreads"] = coverage(self._claimed)
         return figures
 
 

@@ -18,9 +18,7 @@ STEP = 0.03  # pixels beside a larger step of depth are mixed of front and back,
 FARTHEST = 2.5  # rays beyond this say too little, in [m]
 # A surface's direction is told by pixels so far to all sides, in [px]: at 0.7 m the noise leaves 12 degrees of a table.
 NORMAL_REACH = 8
-SCALE_STD = 0.01  # by which share the depths of a usual camera are wrong together
-MOST_SCALE_STD = 0.015  # more than this is another fault, for instance of the camera's pose
-TABLE_STD = 0.005  # how far a table's top is off the world's z = 0, in [m]
+MOST_SCALE_STD = 0.025  # more than this is another fault, for instance of the camera's pose
 LEAST_CAMERA_HEIGHT = 0.15  # a camera lower than this above the support says nothing of its scale by it, in [m]
 THINNING = 4  # every how many rows and columns tell where surfaces around a thing are
 
@@ -62,19 +60,14 @@ class PreparedFrame(RgbdFrame):
         (x, y) in [m] is where in the world it is asked for.
 
         The world's z = 0 is where things stand. Depth that is too long by a share s shows it lower by s times the
-        camera's height; so does a table that truly is lower. How much of what is seen is due to depth:
-
-            share = sigma_s^2 / (sigma_s^2 + sigma_t^2)
-
-        with the usual error of a depth camera sigma_s and that of a table's height sigma_t.
+        camera's height. So does a table that truly is lower: the picture does not tell which, and the spread is all of
+        it.
         """
         lies = float(self.support.at(x, y))
         height = float(self.world_T_camera[2, 3]) - lies
         if not self.support.seen or height < LEAST_CAMERA_HEIGHT:
             return 0.0
-        of_depth, of_table = SCALE_STD * height, TABLE_STD
-        share = of_depth**2 / (of_depth**2 + of_table**2)
-        return min(share * abs(lies) / height, MOST_SCALE_STD)
+        return min(abs(lies) / height, MOST_SCALE_STD)
 
     def depth_std(self, depth: float) -> float:
         """Spread of a depth at a distance, both in [m]."""

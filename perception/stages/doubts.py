@@ -16,6 +16,7 @@ from perception.estimates import ObjectEstimate
 from perception.geometry.prepared_frame import THINNING, PreparedFrame
 
 MOST_PLACE_STD = 0.015  # level spread of a thing that can be taken hold of, in [m]
+TABLE_OFF = 0.008  # a table that seems to lie so far off the world's z = 0 is named as the reason, in [m]
 UNSEEN_SIZE = 0.4  # a size is not seen if its spread is more than this share of it, and more than the next [m]
 UNSEEN_SIZE_STD = 0.015
 ALOFT = 0.025  # what stands higher above all that may carry it, and its spreads, floats, in [m]
@@ -43,7 +44,7 @@ def with_doubts(
     doubts: dict[str, list[str]] = {o.name: [] for o in objects}
     loose = [o for o in objects if o.name not in fixed]
     for thing in loose:
-        for doubt in (_unseen_sizes(thing), _vague_place(thing), _floats(thing, objects, frames)):
+        for doubt in (_unseen_sizes(thing), _vague_place(thing, frames), _floats(thing, objects, frames)):
             doubts[thing.name] += [doubt] if doubt else []
     solid = [o for o in loose if not appearance_of(o.phrase, catalogue).hollow]
     for one, other in combinations(solid, 2):
@@ -64,9 +65,16 @@ def _unseen_sizes(thing: ObjectEstimate) -> str | None:
     return f"its sizes are not seen on two sides ({spreads})"
 
 
-def _vague_place(thing: ObjectEstimate) -> str | None:
+def _vague_place(thing: ObjectEstimate, frames: Sequence[PreparedFrame]) -> str | None:
     worst = float(np.max(thing.position_std[:2]))
-    return f"its place is known to ± {1e3 * worst:.0f} mm only" if worst > MOST_PLACE_STD else None
+    if worst <= MOST_PLACE_STD:
+        return None
+    off = max((float(f.support.at(*thing.position[:2])) for f in frames if f.support.seen), key=abs, default=0.0)
+    why = ""
+    if abs(off) > TABLE_OFF:
+        where = "above" if off > 0.0 else "below"
+        why = f": depth shows the table {1e3 * abs(off):.0f} mm {where} its height (depth scale, camera pose or table)"
+    return f"its place is known to ± {1e3 * worst:.0f} mm only{why}"
 
 
 def _floats(thing: ObjectEstimate, objects: Sequence[ObjectEstimate], frames: Sequence[PreparedFrame]) -> str | None:
