@@ -29,10 +29,9 @@ with tempfile.TemporaryDirectory() as folder:
     for unit in ("degree", "radian"):
         path = pathlib.Path(folder, "finger.xml")
         path.write_text(text.format(unit))
-        limits = mujoco.MjModel.from_xml_path(str(path)).jnt_range[0, 1], (
-            pinocchio.buildModelFromMJCF(str(path)).upperPositionLimit[0]
-        )
-        seen[unit] = [round(float(limit), 4) for limit in limits]
+        first = mujoco.MjModel.from_xml_path(str(path)).jnt_range[0, 1]
+        second = pinocchio.buildModelFromMJCF(str(path)).upperPositionLimit[0]
+        seen[unit] = [round(float(first), 4), round(float(second), 4)]
 for unit, (first, second) in seen.items():
     print(f"{unit}: MuJoCo {first}, Pinocchio {second}")
 expected = {"degree": [0.5, 0.0087], "radian": [0.5, 0.5]}
